@@ -311,13 +311,8 @@ class Guard:
         self._thread = threading.Thread(target=self._run, args=(safety,), name='rig guard', daemon=True)
         self._thread.start()
 
-    def trip(self, trip: Trip) -> None:
-        """Stop the machine now; returns at once."""
-        del trip
-        self.stop()
-
     def stop(self) -> None:
-        """As `trip`."""
+        """Stop the machine now; returns at once."""
         self.stopped.clear()
         self._tripped.set()
 

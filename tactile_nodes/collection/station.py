@@ -76,7 +76,7 @@ class Station:
         except BaseException:
             self.cnc.close()
             raise
-        self.safety = Safety(settings.watched, self.guard.trip, self.sensor.expected_hz)
+        self.safety = Safety(settings.watched, lambda _: self.guard.stop(), self.sensor.expected_hz)
         self.sensor.listen(self.safety.sample)
         self.sensor.listen(self.readings.put_sample)
         stopped = self.guard.stopped.wait

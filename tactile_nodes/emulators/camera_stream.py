@@ -9,6 +9,7 @@ import dataclasses
 import http.server
 import random
 import threading
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -69,9 +70,13 @@ class CameraStream:
         self._thread.join()
         self._server.server_close()
 
-    def parts(self) -> _Parts:
-        """The images for one client."""
-        return _Parts(self)
+    def parts(self) -> Iterator[bytes]:
+        """The parts of the stream for one client."""
+        last_ns = 0
+        while (found := self.next_picture(last_ns)) is not None:
+            last_ns, data = found
+            head = f'--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n'
+            yield head.encode('ascii') + data + b'\r\n'
 
     def picture(self, time_ns: int) -> bytes:
         """The JPEG image at a time."""
@@ -121,23 +126,6 @@ class _Uncompressed:
     def __init__(self, world: World) -> None:
         self.gel, self.tables = dataclasses.replace(world.gel, jpeg_quality=0), world.tables
         self.press_at, self.presses_at, self.force_at = world.press_at, world.presses_at, world.force_at
-
-
-class _Parts:
-    def __init__(self, stream: CameraStream) -> None:
-        self._stream = stream
-        self._last_ns = 0
-
-    def __iter__(self) -> _Parts:
-        return self
-
-    def __next__(self) -> bytes:
-        found = self._stream.next_picture(self._last_ns)
-        if found is None:
-            raise StopIteration
-        self._last_ns, data = found
-        head = f'--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n'
-        return head.encode('ascii') + data + b'\r\n'
 
 
 def _server(owner: CameraStream, port: int) -> http.server.ThreadingHTTPServer:

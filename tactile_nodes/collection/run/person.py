@@ -57,9 +57,5 @@ class Person:
 
     def acknowledge(self) -> str:
         """Answer the question, so that the run continues; returns a reply for the person."""
-        return 'continuing' if self.answer() else 'there is no open question'
-
-    def answer(self) -> bool:
-        """Answer the question; false: there was none."""
         was_open, self._why = bool(self._why), ''
-        return was_open
+        return 'continuing' if was_open else 'there is no open question'

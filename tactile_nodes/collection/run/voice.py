@@ -54,40 +54,6 @@ class Names:
     port: str = ''
 
 
-class Backlog:
-    """Data that waits for a subscriber: the newest pieces, and how many bytes of older ones were dropped.
-
-    Any thread may put and take; calls do not block.
-
-    Args:
-        most: largest number of pieces.
-    """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._lock = threading.Lock()
-        self._pieces: deque[Piece] = deque()
-        self._dropped = 0
-
-    def put(self, piece: Piece) -> None:
-        """Add a piece; if there are too many, the oldest is dropped."""
-        with self._lock:
-            self._pieces.append(piece)
-            if len(self._pieces) > self._most:
-                self._dropped += len(self._pieces.popleft()[2])
-
-    def take(self) -> Piece | None:
-        """The oldest; None: nothing is waiting."""
-        with self._lock:
-            return self._pieces.popleft() if self._pieces else None
-
-    def take_dropped(self) -> int:
-        """How many bytes were dropped since the last call."""
-        with self._lock:
-            dropped, self._dropped = self._dropped, 0
-            return dropped
-
-
 class Voice:
     """Publishes the measurements of a run.
 
@@ -114,7 +80,8 @@ class Voice:
         self._warn = warn
         self._edges = 0
         self._batch = Batch()
-        self._traffic = Backlog(MOST_TRAFFIC)
+        self._traffic: deque[Piece] = deque()
+        self._traffic_dropped = self._traffic_warned = 0  # bytes
         self._publishing_traffic = threading.Lock()
         self.unheard_ns = 0
         """Stamp of the last force sample without a subscriber."""
@@ -134,8 +101,13 @@ class Voice:
         self._tell_traffic()
 
     def passed(self, way: str, stamp_ns: int, data: bytes) -> None:
-        """Bytes to or from the machine (`Traffic`); only stored here, because the sender of a stop must not wait."""
-        self._traffic.put((way, stamp_ns, data))
+        """Bytes to or from the machine (`Traffic`); only stored here, because the sender of a stop must not wait.
+
+        Called by one thread at a time. If too many pieces wait, the oldest is dropped.
+        """
+        if len(self._traffic) >= MOST_TRAFFIC:
+            self._traffic_dropped += len(self._traffic.popleft()[2])
+        self._traffic.append((way, stamp_ns, data))
 
     def the_rest(self) -> None:
         """Publish the remaining samples and bytes, after the devices were closed."""
@@ -187,15 +159,16 @@ class Voice:
         with self._publishing_traffic:
             if publisher.listeners:
                 self._warn_of_dropped()
-            while publisher.listeners and (piece := self._traffic.take()):
-                way, stamp_ns, data = piece
+            while publisher.listeners and self._traffic:
+                way, stamp_ns, data = self._traffic.popleft()
                 publisher.publish(
                     run_messages.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame)
                 )
 
     def _warn_of_dropped(self) -> None:
         """Warn of dropped bytes; called when there is a subscriber again, or when the run is over."""
-        if dropped := self._traffic.take_dropped():
+        if dropped := self._traffic_dropped - self._traffic_warned:
+            self._traffic_warned += dropped
             self._warn(
                 f'{dropped} bytes to or from the machine were not recorded: {SERIAL_TRAFFIC.name} had no subscriber, '
                 f'and at most {MOST_TRAFFIC} pieces are buffered; start the recorder earlier'

@@ -86,29 +86,20 @@ def check_device(path: str, by_id: Path = BY_ID) -> None:
             'add yourself to its group: sudo usermod -aG video $USER, then log in again'
         )
     try:
-        found = capability(path)
+        card, captures = capability(path)
     except OSError as error:
         if error.errno in {errno.EBUSY, errno.EINTR}:
             return
         raise DeviceNotFoundError(f'{path} is not a video device ({error.strerror}); {_connected(by_id)}') from error
-    if not found.captures:
+    if not captures:
         raise DeviceNotFoundError(
-            f'{path} of {found.card} is not a picture stream (a UVC camera has a second node for metadata); '
+            f'{path} of {card} is not a picture stream (a UVC camera has a second node for metadata); '
             'use the other node of this camera'
         )
 
 
-@dataclass(frozen=True)
-class Capability:
-    """The properties of a device node."""
-
-    card: str
-    driver: str
-    captures: bool
-
-
-def capability(path: str) -> Capability:
-    """Query a node: the second node of a UVC camera carries metadata, not pictures.
+def capability(path: str) -> tuple[str, bool]:
+    """Name of the device of a node, and whether it captures pictures; the second node of a UVC camera does not.
 
     Raises:
         OSError: it cannot be opened (EACCES, EBUSY), or is not a V4L2 device (ENOTTY).
@@ -118,9 +109,9 @@ def capability(path: str) -> Capability:
         answer = fcntl.ioctl(file, _QUERYCAP, bytes(_CAPABILITY.size))
     finally:
         os.close(file)
-    driver, card, _bus, _version, of_device, of_node = _CAPABILITY.unpack(answer)
+    _driver, card, _bus, _version, of_device, of_node = _CAPABILITY.unpack(answer)
     valid = of_node if of_device & _CAP_DEVICE_CAPS else of_device
-    return Capability(_text(card), _text(driver), bool(valid & _CAP_CAPTURE))
+    return card.split(b'\0', 1)[0].decode('utf-8', 'replace'), bool(valid & _CAP_CAPTURE)
 
 
 def _line(file: Path) -> str:
@@ -129,10 +120,6 @@ def _line(file: Path) -> str:
         return read_text(file, LINE_BYTES, 'latin-1').strip()
     except OSError:
         return ''
-
-
-def _text(field: bytes) -> str:
-    return field.split(b'\0', 1)[0].decode('utf-8', 'replace')
 
 
 def _connected(by_id: Path) -> str:

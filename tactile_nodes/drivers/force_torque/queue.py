@@ -113,7 +113,7 @@ class SampleQueue:
         Raises:
             DeviceTimeoutError: none came.
             DeviceError: it is closed.
-            TactileError: the error given to `fail`.
+            DeviceLostError: from the error given to `fail`.
         """
         with self._changed:
             if not self._changed.wait_for(lambda: self._waiting or self._failure or self._closed, timeout_s):
@@ -121,20 +121,13 @@ class SampleQueue:
             if self._closed:
                 raise closed(self._name)
             if not self._waiting:
-                raise self._copied_failure()
+                raise DeviceLostError(str(self._failure or f'{self._name} is lost')) from self._failure
             taken = list(self._waiting)
             self._waiting.clear()
             overflow = self._overflow
         if overflow == 0:
             return taken
         return [sample._replace(dropped=sample.dropped + overflow) for sample in taken]
-
-    def _copied_failure(self) -> TactileError:
-        """A new copy of the failure, because an error that is raised twice carries two tracebacks."""
-        failure = self._failure or DeviceLostError(f'{self._name} is lost')
-        error = type(failure)(*failure.args)
-        error.__cause__ = failure
-        return error
 
     def _missed_since(self, last_ns: int, stamp_ns: int) -> int:
         return max(0, round((stamp_ns - last_ns) * self.rate_hz / NS_PER_S) - 1)

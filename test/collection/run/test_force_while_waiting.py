@@ -47,7 +47,7 @@ def test_a_force_that_the_sensor_shows_when_it_is_back_halts_the_run(
     def come_back() -> None:
         run.rig.silent_sensor = False
         push(run, 0.5)
-        run.after(20.0, lambda: heights.append(run.height_mm) or run.person.answer())
+        run.after(20.0, lambda: heights.append(run.height_mm) or run.person.acknowledge())
 
     run.at(3, run.in_the_gel(begin))
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
@@ -63,7 +63,7 @@ def test_who_answers_while_the_force_lasts_is_asked_again(tmp_path: Path) -> Non
         run.rig.silent_sensor = False
         push(run, 30.0)
         for after_s in (10.0, 50.0):
-            run.after(after_s, run.person.answer)
+            run.after(after_s, run.person.acknowledge)
 
     def begin() -> None:
         run.rig.silent_sensor = True

@@ -174,7 +174,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
 
     def hit() -> None:
         bump(run)()
-        run.after(15.0, run.person.answer)
+        run.after(15.0, run.person.acknowledge)
 
     run.at(3, run.in_the_gel(hit))
     run.rig.clock.every(1.0, look)
@@ -201,7 +201,7 @@ def test_a_person_who_answers_much_later_finds_a_sensor_that_has_drifted(tmp_pat
     def hit() -> None:
         bump(run)()
         run.after(20.0, lambda: setattr(run.world, 'wrench_at', drifted))
-        run.after(40.0, run.person.answer)
+        run.after(40.0, run.person.acknowledge)
 
     run.at(3, run.in_the_gel(hit))
     assert ': 7 of 8 presses recorded' in run.campaign.run()  # one is aside
@@ -239,7 +239,7 @@ def test_after_a_kill_a_run_asks_before_it_homes_or_moves(killed: Path) -> None:
     start = run.world.motor_at(run.rig.clock.now_ns())
     places = []
     run.rig.clock.every(1.0, lambda: places.append(run.world.motor_at(run.rig.clock.now_ns())))
-    run.after(20.0, lambda: places.append('answered') or run.person.answer())
+    run.after(20.0, lambda: places.append('answered') or run.person.acknowledge())
     run.campaign.run()
     assert 'cut off' in run.printed[0] and run.printed[0].endswith('then type: answer')
     assert set(places[: places.index('answered')]) == {start}
@@ -250,7 +250,7 @@ def test_the_hours_of_a_run_begin_when_a_person_has_looked(tmp_path: Path) -> No
     """Killed on a Friday evening, and looked at on Monday."""
     MachineRecord(tmp_path / 'machine.record').note(BEGUN, 1)
     run = Run(tmp_path, changed(limits={'hours': 0.03}), unasked=False)
-    run.after(120.0, run.person.answer)
+    run.after(120.0, run.person.acknowledge)
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
 
 
@@ -264,7 +264,7 @@ def test_the_hours_of_a_run_do_not_count_while_it_waits_for_a_person(tmp_path: P
 
     def hit() -> None:
         bump(run)()
-        run.after(150.0, run.person.answer)
+        run.after(150.0, run.person.acknowledge)
 
     run.at(2, pause)
     run.at(4, run.in_the_gel(hit))
