@@ -38,7 +38,6 @@ class Comparison:
         return 0 < self.common == self.identical
 
     def lines(self) -> list[str]:
-        """The results as lines of text."""
         found = [f'{self.identical} of {self.common} common stamps bit-identical']
         if self.fields:
             named = ', '.join(f'{name} ({count})' for name, count in self.fields.most_common())

@@ -88,7 +88,6 @@ class Extent:
 
     @classmethod
     def union(cls, parts: Iterable[Extent]) -> Extent:
-        """The union of all parts."""
         filled = [part for part in parts if part.messages]
         if not filled:
             return cls()
@@ -114,7 +113,6 @@ class BagMetadata:
     compression_mode: str = ''
 
     def to_yaml(self) -> str:
-        """The text of ``metadata.yaml``."""
         return _dump({_ROOT: self._content()})
 
     def to_record(self) -> str:

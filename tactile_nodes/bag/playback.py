@@ -40,11 +40,9 @@ class Timeline:
             self._now_ns, self._bag_ns = now_ns, bag_ns
 
     def pause(self, now_ns: int) -> None:
-        """Pause."""
         self._change(now_ns, self._rate, True)
 
     def resume(self, now_ns: int) -> None:
-        """Continue."""
         self._change(now_ns, self._rate, False)
 
     def set_rate(self, now_ns: int, rate: float) -> None:
@@ -52,7 +50,6 @@ class Timeline:
         self._change(now_ns, rate, self._paused)
 
     def bag_ns(self, now_ns: int) -> int:
-        """The bag's time at `now_ns`."""
         with self._lock:
             return self._at(now_ns)
 
@@ -114,32 +111,25 @@ class Playback:
         self._announced: set[tuple[str, int, int]] | None = None
 
     def pause(self) -> None:
-        """Pause."""
         self.timeline.pause(self._clock.now_ns())
 
     def resume(self) -> None:
-        """Continue."""
         self.timeline.resume(self._clock.now_ns())
 
     def set_rate(self, rate: float) -> None:
-        """Continue at another speed."""
         self.timeline.set_rate(self._clock.now_ns(), rate)
 
     def step(self) -> None:
-        """While paused, play one more message."""
         self._steps.release()
 
     def stop(self) -> None:
-        """Make `run` return soon."""
         self._running = False
 
     @property
     def stopped(self) -> bool:
-        """Whether `stop` was called."""
         return not self._running
 
     def wait(self, seconds: float) -> None:
-        """Wait, unless stopped."""
         end_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
         while self._running and (now_ns := self._clock.now_ns()) < end_ns:
             self._clock.sleep_until(min(end_ns, now_ns + _SLICE_NS))

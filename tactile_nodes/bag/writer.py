@@ -85,7 +85,6 @@ class BagWriter:
             thread.start()
 
     # --- called by the receiver of messages
-    # -------------------------------------------------------------------------------
 
     def add_topic(self, topic: BagTopic) -> None:
         """Describe a topic, before its first message."""

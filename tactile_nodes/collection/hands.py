@@ -307,7 +307,6 @@ class Guard:
         self._thread: threading.Thread | None = None
 
     def start(self, safety: Safety) -> None:
-        """Start the thread."""
         self._thread = threading.Thread(target=self._run, args=(safety,), name='rig guard', daemon=True)
         self._thread.start()
 

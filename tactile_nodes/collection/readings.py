@@ -32,7 +32,6 @@ class Frame:
 
     @cached_property
     def image(self) -> Picture:
-        """The picture."""
         return self._look()
 
     @cached_property
@@ -100,14 +99,12 @@ class Readings:
         self._lock = threading.Lock()
 
     def put_sample(self, sample: Sample) -> None:
-        """Add a sample."""
         with self._lock:
             self._samples.append(sample)
             while self._samples[0].stamp_ns < sample.stamp_ns - KEPT_NS:
                 self._samples.popleft()
 
     def put_frame(self, frame: Frame) -> None:
-        """Add an image."""
         with self._lock:
             self._frames.append(frame)
 

@@ -136,7 +136,6 @@ class Safety:
         return True
 
     def frame(self, arrival_ns: int) -> None:
-        """Note the arrival of an image."""
         self._frame_ns = arrival_ns
 
     def tick(self, now_ns: int, machine: Health) -> None:

@@ -65,7 +65,6 @@ class Inward:
 
     @property
     def gids(self) -> tuple[bytes, ...]:
-        """The gids of the readers."""
         return tuple(flow.reader.gid for flow in self._flows)
 
     @property
@@ -95,7 +94,6 @@ class Inward:
         self.taken += 1
 
     def close(self) -> None:
-        """Stop receiving."""
         for flow in self._flows:
             flow.publisher.close()
         self._flows.clear()

@@ -53,7 +53,6 @@ class Outward:
 
     @property
     def readers(self) -> int:
-        """The number of readers of all topics."""
         return sum(writer.readers for writer in self._writers.values())
 
     @property
@@ -75,7 +74,6 @@ class Outward:
         return self._nodes(graph.nodes())
 
     def close(self) -> None:
-        """Stop receiving."""
         self._tap.close()
         self._writers.clear()
 

@@ -57,7 +57,6 @@ class CameraStream:
 
     @property
     def port(self) -> int:
-        """The TCP port."""
         return int(self._server.server_address[1])
 
     def __enter__(self) -> CameraStream:

@@ -56,7 +56,6 @@ class Gripper:
 
     @property
     def lost(self) -> bool:
-        """Whether the object has slid out."""
         return self._grip.lost
 
     def command(self, opening_mm: float) -> None:

@@ -47,12 +47,10 @@ class Trapezoid:
 
     @cached_property
     def duration_s(self) -> float:
-        """The time from start to rest."""
         peak = self.peak
         return self.length_mm / peak + peak / self.acceleration if peak > 0 else 0.0
 
     def distance(self, time_s: float) -> float:
-        """The distance from the start."""
         if time_s <= 0:
             return 0.0
         left_s = self.duration_s - time_s
@@ -66,7 +64,6 @@ class Trapezoid:
         return self.peak * (time_s - ramp_s / 2)
 
     def speed(self, time_s: float) -> float:
-        """The speed along the line."""
         left_s = self.duration_s - time_s
         if time_s <= 0 or left_s <= 0:
             return 0.0
@@ -82,16 +79,13 @@ class Braking:
 
     @property
     def duration_s(self) -> float:
-        """The time until rest."""
         return self.from_mm_s / self.deceleration
 
     def distance(self, time_s: float) -> float:
-        """The distance from the start."""
         t = min(max(time_s, 0.0), self.duration_s)
         return self.from_mm_s * t - self.deceleration * t * t / 2
 
     def speed(self, time_s: float) -> float:
-        """The speed along the line."""
         return max(0.0, self.from_mm_s - self.deceleration * time_s) if time_s >= 0 else 0.0
 
 
@@ -106,11 +100,9 @@ class Segment:
 
     @property
     def end_ns(self) -> int:
-        """The time at which it comes to rest."""
         return self.start_ns + math.ceil(self.shape.duration_s * S)
 
     def position(self, time_ns: int) -> Vector:
-        """The position at a time."""
         return plus(self.origin, self.unit, self.shape.distance((time_ns - self.start_ns) / S))
 
     def speed(self, time_ns: int) -> float:
@@ -137,7 +129,6 @@ class Timeline:
 
     @property
     def end(self) -> Vector:
-        """The final position."""
         return self._segments[-1].position(self.end_ns) if self._segments else self._start
 
     @property
@@ -155,7 +146,6 @@ class Timeline:
             del self._segments[:half], self._starts[:half]
 
     def position(self, time_ns: int) -> Vector:
-        """The position at a time."""
         segment = self._segment(time_ns)
         return segment.position(time_ns) if segment is not None else self._start
 
@@ -197,9 +187,7 @@ class Until:
         self.duration_s = (time_ns - segment.start_ns) / S
 
     def distance(self, time_s: float) -> float:
-        """The distance on the whole line, up to the cut."""
         return self._shape.distance(min(time_s, self.duration_s))
 
     def speed(self, time_s: float) -> float:
-        """The speed on the whole line, up to the cut."""
         return self._shape.speed(time_s) if time_s < self.duration_s else 0.0

@@ -51,7 +51,6 @@ class RigTrace:
             self._file.close()
 
     def switched(self, had: Any, wanted: Any) -> None:
-        """Record which faults were switched."""
         before, after = vars(had), vars(wanted)
         if changed := {name: value for name, value in after.items() if value != before[name]}:
             self._say({'at': self._clock.now_ns(), 'faults': changed})
@@ -146,7 +145,6 @@ class EmulatedRig:
 
     @property
     def places(self) -> str:
-        """The addresses of the devices."""
         camera = f'http://127.0.0.1:{self.camera.port}/'
         return f'machine at {self._port.path}, force/torque at {self.sensor.source}, camera at {camera}'
 
@@ -172,7 +170,6 @@ class EmulatedRig:
         return False
 
     def close(self) -> None:
-        """Release all ports."""
         self._opened.close()
 
     def _switch_camera(self, had: RigFaults, wanted: RigFaults) -> None:

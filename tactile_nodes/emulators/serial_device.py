@@ -76,7 +76,6 @@ class SerialDevice(ABC):
             return min((time for time in times if time is not None), default=None)
 
     def say(self, data: bytes) -> None:
-        """Put bytes on the line to the host."""
         if not self.faults.hung:
             due_ns = self.now_ns + round(self.faults.delay_s * NS_PER_S)
             self._saying.append((max(due_ns, self._saying[-1][0] if self._saying else 0), data))

@@ -116,7 +116,6 @@ class World:
     # Actions of the machine's controller.
 
     def move(self, segment: Segment) -> None:
-        """Move the motors along a line."""
         with self._lock:
             self._motor.append(segment)
 

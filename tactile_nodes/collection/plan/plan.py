@@ -107,7 +107,6 @@ class Plan:
 
     @property
     def deepest_mm(self) -> float:
-        """The greatest depth."""
         return max(point.depth_mm for point in self.points)
 
     @property

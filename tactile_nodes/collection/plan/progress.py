@@ -25,7 +25,6 @@ class Progress:
         self._since_ns = 0
 
     def start(self, now_ns: int) -> None:
-        """The first press starts."""
         self._since_ns = self._since_ns or now_ns
 
     def note(self, reason: str, begun_ns: int, now_ns: int) -> None:
@@ -44,7 +43,6 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
-        """Remaining time at that pace."""
         return self.seconds_each * (self.presses - self.done)
 
     def line(self, now: Point | None) -> str:

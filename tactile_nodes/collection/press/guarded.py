@@ -62,7 +62,6 @@ class Felt:
 
     @classmethod
     def of(cls, force: types.ForceDistribution) -> Felt:
-        """The total of a force distribution."""
         return cls(stamp_ns(force.header.stamp), force.total, force.status, force.reasons)
 
 
@@ -75,7 +74,6 @@ class Hold:
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last."""
         return (self.stamps_ns[-1] - self.stamps_ns[0]) / NS_PER_S if self.stamps_ns else 0.0
 
 

@@ -122,7 +122,6 @@ class Grasped:
 
     @property
     def seconds(self) -> float:
-        """Time for which it was held."""
         return (self.ended_ns - self.began_ns) / NS_PER_S if self.began_ns else 0.0
 
     def __str__(self) -> str:

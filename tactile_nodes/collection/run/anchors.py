@@ -44,7 +44,6 @@ class Shift(NamedTuple):
 
     @property
     def farthest_mm(self) -> float:
-        """The largest component."""
         return max(map(abs, self))
 
     def describe(self) -> str:

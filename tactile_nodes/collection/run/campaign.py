@@ -256,7 +256,6 @@ class Campaign:
             self._outlet.say(f'press {record.point.press} {done}: {record.reason}')
 
     def _reference(self) -> None:
-        """Take and publish a new rest image."""
         frames = self._rest_frames()
         self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
         self._since_reference = 0
@@ -356,7 +355,6 @@ class Campaign:
         self.progress.done = self._journal.done
 
     def _feel_for_surface(self) -> Surface:
-        """Measure the surface, corner by corner."""
         felt: list[Corner] = []
         for at in corners(self._settings):
             self._wait_while_paused()

@@ -52,7 +52,6 @@ class Estimate:
     least_rest: int
 
     def describe(self) -> str:
-        """Two lines of text."""
         return (
             f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; least distance in the '
             f'order between neighbouring presses: {self.least_rest}\n'

@@ -129,7 +129,6 @@ class Batch:
         return full
 
     def rest(self) -> Sequence[Sample]:
-        """The remaining samples."""
         full, self._samples = self._samples, []
         return full
 

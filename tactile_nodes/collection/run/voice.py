@@ -92,7 +92,6 @@ class Voice:
         return all(self._publishers[topic].listeners for topic in (PRESS, PRESS_IMAGE, FORCE_TORQUE))
 
     def sample(self, sample: Sample) -> None:
-        """Publish a force sample."""
         publisher = self._publishers[FORCE_TORQUE]
         if not publisher.listeners:
             self.unheard_ns = sample.stamp_ns
@@ -124,7 +123,6 @@ class Voice:
         self._tell_traffic()
 
     def switched(self, switched: Switched) -> None:
-        """Publish an edge of the digital line."""
         self._edges += 1
         edge = run_messages.edge_message(switched, self._edges, self._names.machine_frame, LINE)
         self._publishers[SYNC_EDGE].publish(edge)
@@ -139,13 +137,11 @@ class Voice:
         )
 
     def suspect(self, entry: Entry, reason: str) -> None:
-        """Publish that an attempt no longer counts."""
         names, now_ns = self._names, self._clock.now_ns()
         message = run_messages.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
         self._publishers[PRESS].publish(message)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:
-        """Publish a new rest image."""
         self._image(REFERENCE_IMAGE, image, at_ns)
 
     def _count(self, samples: Sequence[Sample]) -> None:

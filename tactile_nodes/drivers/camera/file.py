@@ -193,7 +193,6 @@ class VideoFile:
         return image if good else None
 
     def stop(self) -> None:
-        """Close the file."""
         if self._video is not None:
             self._video.release()
             self._video = None

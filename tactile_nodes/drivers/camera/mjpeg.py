@@ -49,10 +49,6 @@ class MjpegConnection(CameraConnection):
     def description(self) -> Mapping[str, str]:
         return {'source': self._name, 'kind': 'MJPEG over HTTP', 'size': self._size, 'stamps': 'arrival'}
 
-    @property
-    def complaints(self) -> list[str]:
-        return []
-
     def fetch(self, slot: NewestFrame) -> None:
         for part in self._parser.feed(self._receive(), self._clock.now_ns()):
             self._put(part, slot)

@@ -1,17 +1,4 @@
-"""The choice of the camera for a SOURCE.
-
-============================================  ==================================================================
-source                                        camera
-============================================  ==================================================================
-``simulated``                                 a rendered gel (`camera.simulated`)
-``/dev/video0``, ``/dev/v4l/by-id/…``, ``0``  a V4L2 device (`camera.v4l2`); prefer by-id: indices change at boot
-``serial:A1B2``                               the V4L2 device with this serial number, at any port
-``http://…``, ``https://…``                   MJPEG over HTTP (`camera.mjpeg`)
-``rtsp://…``                                  RTSP, through FFmpeg (`camera.rtsp`)
-a file                                        a recorded video (`camera.file`)
-a folder                                      its images in natural order (`camera.file`)
-============================================  ==================================================================
-"""
+"""The choice of the camera for a SOURCE; docs/camera.md has a table of them."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class CameraConnection(Protocol):
     @property
     def complaints(self) -> list[str]:
         """Settings that the camera did not accept, and other problems for a person."""
-        ...
+        return []
 
     def fetch(self, slot: NewestFrame) -> None:
         """Wait for data, and put a frame into the slot if one is complete.
@@ -136,7 +136,7 @@ class CameraConnection(Protocol):
 
     def interrupt(self) -> None:
         """Make `fetch` in another thread return, if that is possible."""
-        ...
+        return
 
     def close(self) -> None:
         """Close the device."""

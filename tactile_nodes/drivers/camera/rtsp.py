@@ -46,10 +46,6 @@ class RtspConnection(CameraConnection):
     def description(self) -> Mapping[str, str]:
         return {'source': self._name, 'kind': 'RTSP over TCP', 'size': self._size, 'stamps': 'arrival'}
 
-    @property
-    def complaints(self) -> list[str]:
-        return []
-
     def fetch(self, slot: NewestFrame) -> None:
         good, image = self._video.read()
         if not good:
@@ -58,9 +54,6 @@ class RtspConnection(CameraConnection):
         self._size = f'{image.shape[1]}x{image.shape[0]}'
         self._last_ns = max(self._clock.now_ns(), self._last_ns + 1)
         slot.put(np.asarray(image, np.uint8), self._last_ns)
-
-    def interrupt(self) -> None:
-        """Do nothing: FFmpeg cannot be woken."""
 
     def close(self) -> None:
         self._video.release()

@@ -103,11 +103,9 @@ class SimulatedCamera(Camera):
 
     @property
     def bins(self) -> BinGrid:
-        """The bins of the true force."""
         return self._open_scene().bins
 
     def truth(self, stamp_ns: int) -> Truth:
-        """The force on the gel at the time of a frame."""
         return self._open_scene().truth(stamp_ns)
 
     def read(self, timeout_s: float) -> Frame:

@@ -64,7 +64,6 @@ class KernelControls:
                 raise
 
     def close(self) -> None:
-        """Close the device."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

@@ -62,11 +62,9 @@ class Reports:
 
     @property
     def silent(self) -> bool:
-        """Whether a report is overdue."""
         return self.open and self._silence.is_over(SILENT_S)
 
     def request(self) -> None:
-        """Request a report."""
         self.requested_ns = self._ask()
         if not self.open:
             self.open, self._owed_ns = True, self.requested_ns
@@ -149,12 +147,10 @@ class GrblHearing:
 
     @property
     def busy(self) -> bool:
-        """Whether lines are unanswered."""
         return bool(self._unanswered)
 
     @property
     def silent(self) -> bool:
-        """Whether a report is overdue."""
         return self.reports.silent and not self.homing
 
     def expect_no_restart(self) -> None:
@@ -193,7 +189,6 @@ class GrblHearing:
             self.fault, self.refusal, self.alarm = '', '', None
 
     def close(self) -> None:
-        """Close the port."""
         self.abandon('was aborted because the port was closed')
         self.link.close()
 

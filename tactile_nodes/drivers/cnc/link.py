@@ -99,7 +99,6 @@ class Link:
         return self._port.descriptor if isinstance(self._port, SerialPort) else None
 
     def start(self) -> None:
-        """Start listening."""
         if self._thread is not None:
             self._thread.start()
 

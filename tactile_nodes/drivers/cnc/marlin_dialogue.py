@@ -116,7 +116,6 @@ class MarlinDialogue:
 
     @property
     def silent(self) -> bool:
-        """Whether a response is overdue."""
         with self.link.changed:
             if not self._unanswered:
                 return False
@@ -245,7 +244,6 @@ class MarlinDialogue:
             self._on_lost(True)
 
     def close(self) -> None:
-        """Close the port."""
         with self.link.changed:
             self._break_off('was aborted because the port was closed')
         self.link.close()

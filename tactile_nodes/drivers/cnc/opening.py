@@ -1,13 +1,4 @@
-"""The choice of the machine for a SOURCE.
-
-======================================================  ======================================================
-source                                                  machine
-======================================================  ======================================================
-``simulated``                                           a simulated machine (`cnc.simulated`) in a given world
-``/dev/serial/by-id/…``, ``/dev/ttyUSB0`` of kind grbl  Grbl 1.1, grblHAL, FluidNC (`cnc.grbl`)
-the same of kind marlin                                 Marlin (`cnc.marlin`)
-======================================================  ======================================================
-"""
+"""The choice of the machine for a SOURCE: simulated in a given world, or a controller at a serial port."""
 
 from __future__ import annotations
 

@@ -95,7 +95,6 @@ class TickClock:
 
     @property
     def drift_text(self) -> str:
-        """The drift as text."""
         return f'{self.drift_ppm:+.0f} ppm' if self._keeps_time else 'unknown: stamped on arrival'
 
     def unwrapped(self, reading: int) -> int:

@@ -1,14 +1,4 @@
-"""The choice of the force/torque sensor for a SOURCE.
-
-==============================  ========================================================================
-source                          sensor
-==============================  ========================================================================
-``simulated``                   a simulated sensor (`force_torque.simulated`)
-``netft://192.168.1.1``         an ATI Net F/T box (`net_ft`)
-``bota:/dev/serial/by-id/…``    a Bota Systems serial sensor (`force_torque.bota`)
-``text:/dev/serial/by-id/…``    lines of text, ``t_us,ch0[,ch1..5]`` (`force_torque.text`)
-==============================  ========================================================================
-"""
+"""The choice of the force/torque sensor for a SOURCE; docs/force_torque.md has a table of them."""
 
 from __future__ import annotations
 

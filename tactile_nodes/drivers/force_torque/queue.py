@@ -51,7 +51,6 @@ class SampleQueue:
 
     @property
     def newest(self) -> Sample | None:
-        """The last one put."""
         return self._newest
 
     def listen(self, listener: Listener) -> None:

@@ -37,14 +37,6 @@ class WrenchSource(Protocol):
         ...
 
 
-class Untouched:
-    """A world without contact."""
-
-    def wrench_at(self, time_ns: int) -> Wrench:  # noqa: ARG002
-        """Zero."""
-        return UNTOUCHED
-
-
 class SimulatedForceTorque(ForceTorqueSensor):
     """Takes all samples that are due when it is read, so it needs no thread and follows a stepped clock.
 
@@ -57,7 +49,7 @@ class SimulatedForceTorque(ForceTorqueSensor):
     def __init__(self, settings: ForceTorqueSettings, clock: Clock, world: WrenchSource | None = None) -> None:
         self._settings = settings
         self._clock = clock
-        self._world = world or Untouched()
+        self._world = world
         self._random = np.random.default_rng(1)
         self._noise: list[list[float]] = []
         self._rate_hz = settings.rate_hz or USUAL_RATE_HZ
@@ -133,7 +125,7 @@ class SimulatedForceTorque(ForceTorqueSensor):
             self._taken += 1
 
     def _felt(self, time_ns: int) -> Wrench:
-        a, b, c, d, e, f = self._world.wrench_at(time_ns)
+        a, b, c, d, e, f = self._world.wrench_at(time_ns) if self._world else UNTOUCHED
         if not self._noise:  # drawn in bulk, which is ten times as fast
             self._noise = self._random.normal(0.0, NOISE, (NOISE_BLOCK, len(NOISE))).tolist()
         noise = self._noise.pop()

@@ -39,7 +39,6 @@ class CameraLight:
 
     @property
     def watched(self) -> bool:
-        """Whether there is a light."""
         return self._settings.width > 0 and self._settings.height > 0
 
     def complaint(self, width: int, height: int) -> str:

@@ -95,11 +95,9 @@ class Grbl(SerialDevice):
 
     @property
     def world(self) -> World:
-        """The world of the machine."""
         return self.machine.world
 
     def tell(self, text: str) -> None:
-        """Send a line to the host."""
         self.say(text.encode('ascii') + b'\r\n')
 
     def answer(self, error: int = 0) -> None:
@@ -110,16 +108,13 @@ class Grbl(SerialDevice):
             self.tell('ok')
 
     def switch_coolant(self, on: bool) -> None:
-        """Switch the digital line."""
         self.coolant = on
         self.world.set_line(on, self.now_ns)
 
     def wait_until_empty(self) -> Program:
-        """Wait until the planner is empty."""
         yield lambda: self.machine.planner.used == 0
 
     def wait_s(self, seconds: float) -> Program:
-        """Wait for a time."""
         self._wake_ns = due_ns = self.now_ns + round(seconds * 1e9)
         yield lambda: self.now_ns >= due_ns
         self._wake_ns = None

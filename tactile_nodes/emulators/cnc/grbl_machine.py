@@ -20,16 +20,13 @@ class GrblMachine:
         self.origin = world.motor_at(now_ns)
 
     def flag(self, number: int) -> bool:
-        """Whether a setting is on."""
         return float(self.memory[number]) != 0
 
     @property
     def inches(self) -> bool:
-        """Whether positions are reported in inches."""
         return self.flag(13)
 
     def place(self, now_ns: int) -> Vector:
-        """Machine coordinates now."""
         return plus(self.world.motor_at(now_ns), self.origin, -1.0)
 
     def target(self, command: Command, now_ns: int) -> Vector:

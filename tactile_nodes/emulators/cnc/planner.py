@@ -33,21 +33,17 @@ class Planner:
 
     @property
     def used(self) -> int:
-        """Blocks queued or in progress."""
         return len(self._queue) + (self._current is not None)
 
     @property
     def segment(self) -> Segment | None:
-        """The line in progress."""
         return self._segment if self._current is not None else None
 
     def target(self, now_ns: int) -> Vector:
-        """Position of the motors after all blocks."""
         last = self._queue[-1] if self._queue else self._current
         return last.target if last is not None else self._world.motor_at(now_ns)
 
     def at_rest(self, now_ns: int) -> bool:
-        """Whether nothing moves now."""
         return self._current is None or now_ns >= self._end_ns
 
     def add(self, block: Block, now_ns: int) -> bool:
@@ -85,7 +81,6 @@ class Planner:
         self.held = False
 
     def drop_queue(self) -> None:
-        """Drop the blocks that have not started."""
         self._queue.clear()
 
     def _start(self, block: Block, now_ns: int) -> None:

@@ -110,14 +110,12 @@ class NetFtBox:
         return self.clock.time_ns(self._stream.next_count) if self._stream else None
 
     def status_at(self, counts: Counts) -> int:
-        """The status word for these counts."""
         status = self.faults.status
         if self.faults.saturated or self._beyond(counts):
             status |= SATURATION
         return status | SUMMARY if status else 0
 
     def counts_at(self, count: int) -> Counts:
-        """Six counts at an internal sample."""
         wrench = self._noisy(self.world.wrench_at(self.clock.time_ns(count)))
         return tuple(
             _int32(round(value * scale)) for value, scale in zip(wrench, self.config.counts_per_si, strict=True)

@@ -37,7 +37,6 @@ class NetFtConfig:
 
 
 def xml(config: NetFtConfig, status: int, counts: tuple[int, ...]) -> bytes:
-    """The page ``/netftapi2.xml``."""
     fields = [
         ('runstat', f'{status:08x}'),
         ('runft', ';'.join(map(str, counts))),

@@ -64,7 +64,6 @@ class BotaSensor(SampledSensor):
         return response + b''.join(frames)
 
     def next_ns(self) -> int | None:
-        """When the next frame is complete."""
         return self.next_sample_ns() if self.running else None
 
     def _obey(self, command: re.Match[bytes], now_ns: int) -> None:

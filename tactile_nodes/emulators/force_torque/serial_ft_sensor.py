@@ -49,12 +49,10 @@ class SampledSensor:
         self._values: tuple[float, ...] = NOT_YET
 
     def restart(self, now_ns: int) -> None:
-        """Sample from now on."""
         self._from = self.clock.count(now_ns)
         self._taken = 0
 
     def next_sample_ns(self) -> int:
-        """When the next sample is complete."""
         return self.clock.time_ns(self._next_count())
 
     def samples(self, now_ns: int) -> list[tuple[int, tuple[float, ...]]]:

@@ -44,7 +44,6 @@ class TextLineSensor(SampledSensor):
         self._to_say = b''
 
     def power_on(self, now_ns: int) -> None:
-        """Start, as an Arduino does."""
         self._to_say = b'# text-line force sensor\r\n'
         self._window = []
         self.restart(now_ns)
@@ -53,12 +52,10 @@ class TextLineSensor(SampledSensor):
         """Ignore the bytes."""
 
     def due(self, now_ns: int) -> bytes:
-        """The lines since the last call."""
         response, self._to_say = self._to_say, b''
         return response + b''.join(self.spoilt(self._line(stamp, values)) for stamp, values in self.samples(now_ns))
 
     def next_ns(self) -> int | None:
-        """When the next line is complete."""
         return self.next_sample_ns()
 
     def _line(self, stamp: int, values: tuple[float, ...]) -> bytes:
