@@ -47,11 +47,6 @@ def test_locked_it_refuses_code_with_error_9_and_a_jog_with_error_8() -> None:
     assert dialogue.say(b'$J=G91 X-1 F100\n') == b'error:8\r\n'
 
 
-@pytest.mark.parametrize(('dialect', 'oks'), [('grbl', 2), ('grblhal', 1)])
-def test_carriage_return_and_line_feed_are_two_lines_to_grbl_and_one_to_grblhal(dialect: str, oks: int) -> None:
-    assert grbl(dialect).say(b'G4 P0.01\r\n').count(b'ok') == oks
-
-
 def test_real_time_bytes_are_taken_out_wherever_they_are() -> None:
     received = grbl().say(b'(a?b)G4 P0.01\n')
     assert received == b'<Idle|MPos:-1.000,-1.000,-1.000|FS:0,0>\r\nok\r\n'

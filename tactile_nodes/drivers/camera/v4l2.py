@@ -13,7 +13,7 @@ import contextlib
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -32,22 +32,10 @@ SETTLED_S = 1.0
 PAUSE_S = 0.005
 
 
-class Capture(Protocol):
-    """The part of `cv2.VideoCapture` that is used here."""
-
-    def isOpened(self) -> bool: ...  # noqa: N802, OpenCV's name
-    def get(self, prop: int, /) -> float: ...
-    def set(self, prop: int, value: float, /) -> bool: ...
-    def grab(self) -> bool: ...
-    def retrieve(self) -> tuple[bool, Any]: ...
-    def release(self) -> None: ...
-
-
-def open_capture(path: str) -> Capture:
+def open_capture(path: str) -> Any:
     """OpenCV's capture of a device, with the V4L2 back-end only: other back-ends may open another device."""
     cv2 = opencv.load()
-    capture: Capture = cv2.VideoCapture(path, cv2.CAP_V4L2)
-    return capture
+    return cv2.VideoCapture(path, cv2.CAP_V4L2)
 
 
 class V4l2Connection(CameraConnection):
@@ -68,7 +56,7 @@ class V4l2Connection(CameraConnection):
         self,
         settings: CameraSettings,
         clock: Clock,
-        capture: Callable[[str], Capture] = open_capture,
+        capture: Callable[[str], Any] = open_capture,
         controls: Callable[[str], KernelControls] = KernelControls,
         check: Callable[[str], None] = check_device,
     ) -> None:

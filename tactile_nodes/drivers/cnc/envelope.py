@@ -109,11 +109,6 @@ def _each(choose: Callable[[float, float], float], a: Place, b: Place) -> Place:
     return (x, y, z)
 
 
-def distance_mm(a: Place, b: Place) -> float:
-    """Distance between two places."""
-    return math.dist(a, b)
-
-
 def way_between(a: Place, b: Place) -> Place:
     """Vector from one place to another."""
     return (b[0] - a[0], b[1] - a[1], b[2] - a[2])

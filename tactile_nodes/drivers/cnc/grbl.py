@@ -203,16 +203,14 @@ class GrblCnc(SerialCnc[GrblDialogue]):
     # Motion.
 
     def _send_move(self, target: Place, feed: float) -> None:
-        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
-        self._send(f'G21 G90 G53 G1 {words} F{feed:.1f}')
+        self._send(f'G21 G90 G53 G1 {_words(target)} F{feed:.1f}')
 
     def _send_jog(self, target: Place, feed: float) -> None:
         """Jog to a position, not by a distance, so that the next line corrects the error of a damaged one."""
-        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
-        self._talk().ask(f'$J=G21 G90 G53 {words} F{feed:.1f}', self._patience_s(), self._generation)
+        self._send(f'$J=G21 G90 G53 {_words(target)} F{feed:.1f}')
 
     def _send_up(self, distance: float, feed: float) -> None:
-        self._talk().ask(f'$J=G91 G21 Z{distance:.3f} F{feed:.1f}', self._patience_s(), self._generation)
+        self._send(f'$J=G91 G21 Z{distance:.3f} F{feed:.1f}')
 
     def _send(self, line: str) -> None:
         self._talk().ask(line, self._patience_s(), self._generation)
@@ -279,6 +277,10 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         return Health(
             Level.WARN if self._warnings or not self._homed else Level.OK, '; '.join([where, *self._warnings])
         )
+
+
+def _words(target: Place) -> str:
+    return ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
 
 
 def _resting(report: Report) -> bool:

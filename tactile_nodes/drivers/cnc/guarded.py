@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Envelope, Place, Switched
-from tactile_nodes.drivers.cnc.envelope import Guard, describe_place, distance_mm, way_between
+from tactile_nodes.drivers.cnc.envelope import Guard, describe_place, way_between
 from tactile_nodes.drivers.cnc.motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
@@ -53,7 +54,7 @@ class GuardedCnc(Cnc):
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
         rules, way = self._rules(), (dx, dy, dz)
-        length = distance_mm((0.0, 0.0, 0.0), way)
+        length = math.hypot(*way)
         self._check_blind(length)
         self._require_ready(up=not (dx or dy) and dz > 0)
         if not self._homed:
@@ -137,7 +138,7 @@ class GuardedCnc(Cnc):
         self._expect(way, feed)
 
     def _expect(self, way: Place, feed: float) -> None:
-        length = distance_mm((0.0, 0.0, 0.0), way)
+        length = math.hypot(*way)
         speed = self._speed(way, length, feed / 60)
         duration_s = length / speed + speed / self._acceleration
         now_ns = self._clock.now_ns()
@@ -168,7 +169,7 @@ class GuardedCnc(Cnc):
         self._at_rest()
         if target is None or not self._homed:
             return
-        if distance_mm(status.position_mm, target) <= ARRIVED_MM:
+        if math.dist(status.position_mm, target) <= ARRIVED_MM:
             self._motion.rest(target, self._clock.now_ns())
             return
         self._rests_at(status.position_mm)

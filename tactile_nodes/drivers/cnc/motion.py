@@ -15,7 +15,6 @@ from enum import Enum
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.cnc.contract import Place
-from tactile_nodes.drivers.cnc.envelope import distance_mm
 
 NEAR_MM = 0.05  # steps, rounding to three decimals (two on Marlin), and 0.02 mm of tolerance of the target
 HASTE = 1.5  # times the feed: no working controller reports more, and a straying tip is not faster
@@ -117,7 +116,7 @@ class Motion:
             return False
         last_place, since_ns = self._last_report
         farthest_mm = HASTE * self._fastest_mm_s() * (by_ns - since_ns) / NS_PER_S
-        return distance_mm(last_place, place) <= farthest_mm + NEAR_MM
+        return math.dist(last_place, place) <= farthest_mm + NEAR_MM
 
 
 def _between(a: Place, b: Place, share: float) -> Place:
@@ -127,8 +126,8 @@ def _between(a: Place, b: Place, share: float) -> Place:
 
 def _distance_to(place: Place, a: Place, b: Place) -> float:
     """Distance from a place to the line segment from `a` to `b`."""
-    length = distance_mm(a, b)
+    length = math.dist(a, b)
     if not length:
-        return distance_mm(place, a)
+        return math.dist(place, a)
     along = sum((p - s) * (e - s) for p, s, e in zip(place, a, b, strict=True)) / length**2
-    return distance_mm(place, _between(a, b, min(1.0, max(0.0, along))))
+    return math.dist(place, _between(a, b, min(1.0, max(0.0, along))))

@@ -67,7 +67,6 @@ class Grbl(SerialDevice):
         self.overflowed = 0
         self._received = bytearray()
         self._wake_ns: int | None = None
-        self._last_was_cr = False
         self.alarm_lock = self.machine.flag(22)
         self._boot()
 
@@ -152,9 +151,6 @@ class Grbl(SerialDevice):
         while True:
             yield lambda: bool(self._received)
             character = chr(self._received.pop(0))
-            second, self._last_was_cr = self._last_was_cr and character == '\n', character == '\r'
-            if second and self.dialect.pairs_line_ends:
-                continue
             if character in '\r\n':
                 return ''.join(line)
             if character in '();':

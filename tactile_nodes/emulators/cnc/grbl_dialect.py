@@ -25,7 +25,6 @@ class Dialect:
     identity: tuple[str, ...]
     planner_blocks: int
     receive_bytes: int
-    pairs_line_ends: bool  # CR LF is one line end
     answers_in_critical_alarm: bool
 
 
@@ -34,7 +33,6 @@ GRBL = Dialect(
     identity=('[VER:1.1h.20190830:]', '[OPT:V,15,128]'),
     planner_blocks=15,
     receive_bytes=128,
-    pairs_line_ends=False,
     answers_in_critical_alarm=False,
 )
 GRBLHAL = Dialect(
@@ -49,7 +47,6 @@ GRBLHAL = Dialect(
     ),
     planner_blocks=100,
     receive_bytes=1024,
-    pairs_line_ends=True,
     answers_in_critical_alarm=True,
 )
 DIALECTS = {'grbl': GRBL, 'grblhal': GRBLHAL}

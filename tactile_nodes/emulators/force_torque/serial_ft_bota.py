@@ -32,7 +32,7 @@ class BotaSensor(SampledSensor):
         clock: DeviceClock | None = None,
         noise: float = 0.001,
     ) -> None:
-        super().__init__(world, clock or microsecond_clock(), noise, seed=1)
+        super().__init__(world, clock or microsecond_clock(), noise)
         self.running = True
         self.temperature_c = 25.0
         self.sinc = 512

@@ -37,13 +37,13 @@ class SerialFtFaults:
 class SampledSensor:
     """Takes a sample every `period_us` of its own clock."""
 
-    def __init__(self, world: WrenchSource, clock: DeviceClock, noise: float, seed: int) -> None:
+    def __init__(self, world: WrenchSource, clock: DeviceClock, noise: float) -> None:
         self.world = world
         self.clock = clock
         self.faults = SerialFtFaults()
         self.period_us = 10_000.0
         self._noise = noise
-        self._random = random.Random(seed)  # noqa: S311  (noise, not secrets)
+        self._random = random.Random(1)  # noqa: S311  (noise, not secrets)
         self._from = 0
         self._taken = 0
         self._values: tuple[float, ...] = NOT_YET

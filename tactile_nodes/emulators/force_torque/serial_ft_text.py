@@ -30,15 +30,12 @@ class TextLineSensor(SampledSensor):
         clock: DeviceClock | None = None,
         rate_hz: float = 80.0,
         noise: float = 0.001,
-        seed: int = 1,
         settling: int = SETTLING,
-        zero_counts: int = 0,
     ) -> None:
-        super().__init__(world, clock or microsecond_clock(), noise, seed)
+        super().__init__(world, clock or microsecond_clock(), noise)
         self.period_us = 1e6 / rate_hz
         self._axes = tuple(AXES.index(axis) for axis in axes)
         self._scale = counts_per_unit
-        self._zero = zero_counts
         self._window: list[tuple[float, ...]] = []
         self._settling = settling
         self._to_say = b''
@@ -67,4 +64,4 @@ class TextLineSensor(SampledSensor):
         if self.faults.saturated:
             return HX711_MAX
         mean = sum(values[axis] for values in self._window) / len(self._window)
-        return max(HX711_MIN, min(HX711_MAX, round(mean * self._scale[channel]) + self._zero))
+        return max(HX711_MIN, min(HX711_MAX, round(mean * self._scale[channel])))
