@@ -118,9 +118,7 @@ class Collection:
         self._order = ordered(self._plan, session.plan)
         self._started_s = self._reported_s = monotonic_s()
         self._surroundings = surroundings(' '.join(['tactile', *sys.argv[1:]]))
-        self._asked = estimate(
-            self._plan.plan_id, self._order, SETTINGS, CNC, session.world.gel_z_mm, session.plan.rest_mm, session.fps
-        )
+        self._asked = estimate(self._plan.plan_id, self._order, SETTINGS, CNC, session.world.gel_z_mm, session.fps)
         self._journal = Journal(session.folder / f'{self._plan.plan_id}.jsonl', self._plan)
         self._begin_ns = self._begins_ns()
         audit(self._journal, self._plan.plan_id, session.folder, self._begin_ns)

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     collection = CollectionSettings()
     surface_mm = collection.surface.top_mm - TOP_MM
     cnc = CncSettings(safe_z_mm=surface_mm + HEIGHT_MM)
-    print(estimate(plan.plan_id, order, collection, cnc, surface_mm, settings.rest_mm).describe())
+    print(estimate(plan.plan_id, order, collection, cnc, surface_mm).describe())
     if arguments.points:
         for point in order:
             print(f'{point.press:6d}  x {point.x_mm:8.3f}  y {point.y_mm:8.3f}  depth {point.depth_mm:.3f} mm')

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -73,17 +71,3 @@ def _next(
 
 def _mixed(plan: Plan, point: Point) -> bytes:
     return hashlib.sha256(f'{plan.plan_id} {point.press}'.encode('ascii')).digest()
-
-
-def travel_mm(points: Sequence[Point]) -> float:
-    """Length of the path over the gel: (0, 0), (3, 4), (3, 5) are 6 mm."""
-    return sum(math.dist(a[1:3], b[1:3]) for a, b in pairwise(points))
-
-
-def least_rest(points: Sequence[Point], rest_mm: float) -> int:
-    """The smallest number of presses between two presses that are closer than `rest_mm`."""
-    places = np.array([point[1:3] for point in points])
-    for gap in range(1, len(points)):
-        if (np.hypot(*(places[gap:] - places[:-gap]).T) < rest_mm).any():
-            return gap - 1
-    return len(points)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from tactile_nodes.collection.plan.journal import NO_PRESS
-from tactile_nodes.collection.plan.order import least_rest, travel_mm
 from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.plan.progress import duration
 from tactile_nodes.collection.press.cycle import LOOK_S
@@ -40,23 +39,17 @@ class Estimate:
         seconds: of the whole run.
         each_s: mean time of one press of the plan.
         machine_s: of the motions of the presses alone, at the largest allowed feed, without any waiting.
-        travel_mm: length of the path over the gel.
-        least_rest: the smallest number of presses between two that are close to each other.
     """
 
     presses: int
     seconds: float
     each_s: float
     machine_s: float
-    travel_mm: float
-    least_rest: int
 
     def describe(self) -> str:
         return (
-            f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; least distance in the '
-            f'order between neighbouring presses: {self.least_rest}\n'
-            f'about {duration(self.seconds)} in total, {self.each_s:.1f} s per press; the motions alone take '
-            f'{duration(self.machine_s)} at the largest feed'
+            f'{self.presses} presses, about {duration(self.seconds)} in total, {self.each_s:.1f} s per press; '
+            f'the motions alone take {duration(self.machine_s)} at the largest feed'
         )
 
 
@@ -66,7 +59,6 @@ def estimate(
     settings: CollectionSettings,
     cnc: CncSettings,
     surface_z_mm: float,
-    rest_mm: float,
     fps: float = USUAL_FPS,
 ) -> Estimate:
     """Times of a plan on a machine that moves sideways at `cnc.safe_z_mm`, with the gel's surface below that."""
@@ -79,8 +71,7 @@ def estimate(
         leg_s(math.dist(before[1:3], point[1:3]), fastest) + 2 * leg_s(high_mm + point.depth_mm, fastest)
         for before, point in pairwise((order[0], *order))
     )
-    each_s, rested = sum(own) / len(own), least_rest(order, rest_mm)
-    return Estimate(len(order), others_s + sum(pressed), each_s, machine_s, travel_mm(order), rested)
+    return Estimate(len(order), others_s + sum(pressed), sum(own) / len(own), machine_s)
 
 
 def pressed_points(order: Sequence[Point], settings: CollectionSettings) -> Iterator[Point]:

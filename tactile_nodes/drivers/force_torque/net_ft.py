@@ -1,8 +1,8 @@
 """An ATI Net F/T box: every record over UDP, in N and N·m, stamped with the box's own sample counter.
 
 The box stops by itself if this host fails: it is asked for a finite number of records, and asked again before they are
-used up. No setting of the box is changed: no bias (tare on the host instead, `force_torque.tare`) and no filter; the
-output rate only if the settings request it.
+used up. No setting of the box is changed: no bias (a collection tares on the host instead) and no filter; the output
+rate only if the settings request it.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ POINTS = [Point(number, float(number), 0.0, 1.0) for number in range(1, 7)]
 def estimated(settings: CollectionSettings, plan: PlanSettings, fps: float = 20.0) -> Estimate:
     drawn = make_plan(plan)
     cnc = CncSettings(safe_z_mm=SAFE_Z_MM)
-    return estimate(drawn.plan_id, ordered(drawn, plan), settings, cnc, GEL_Z_MM, plan.rest_mm, fps)
+    return estimate(drawn.plan_id, ordered(drawn, plan), settings, cnc, GEL_Z_MM, fps)
 
 
 def test_leg_takes_the_time_of_a_trapezoid() -> None:
@@ -95,8 +95,3 @@ def test_mean_press_is_one_of_the_plan_without_anchors() -> None:
     course = Course(SETTINGS, SAFE_Z_MM, GEL_Z_MM, 20.0)
     times = [course.press_s(before, point) for before, point in pairwise((order[0], *order))]
     assert whole_run.each_s == pytest.approx(sum(times) / 8)
-
-
-def test_a_plan_of_neighbours_one_after_the_other_is_told_in_plain_words() -> None:
-    line = Estimate(800, 3600.0, 4.5, 1800.0, 2500.0, 1).describe().splitlines()[0]
-    assert line == '800 presses, 2.5 m over the gel; least distance in the order between neighbouring presses: 1'
