@@ -62,13 +62,12 @@ def qos_text(depth: int, latched: bool) -> str:
         'depth': depth,
         'reliability': 1,
         'durability': 1 if latched else 2,
-        'deadline': for_ever,
+        'deadline': dict(for_ever),  # separate objects: else the dumper writes aliases
         'lifespan': dict(for_ever),
         'liveliness': 1,
         'liveliness_lease_duration': dict(for_ever),
         'avoid_ros_namespace_conventions': False,
     }
-    profile['deadline'] = dict(for_ever)  # a separate object: else the dumper writes an alias
     return yaml.safe_dump([profile], sort_keys=False).rstrip()
 
 

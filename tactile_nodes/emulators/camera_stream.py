@@ -9,14 +9,13 @@ import dataclasses
 import http.server
 import random
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.emulators.sync_line import light_brightness
-from tactile_nodes.emulators.world import World
+from tactile_nodes.emulators.world import Edge, World
 from tactile_nodes.simulation.scene import WorldScene
 
 LOOPBACK = '127.0.0.1'
@@ -125,6 +124,23 @@ class _Uncompressed:
     def __init__(self, world: World) -> None:
         self.gel, self.tables = dataclasses.replace(world.gel, jpeg_quality=0), world.tables
         self.press_at, self.presses_at, self.force_at = world.press_at, world.presses_at, world.force_at
+
+
+def light_brightness(
+    edges: Sequence[Edge], start_ns: int, exposure_s: float, dark: float = 20.0, bright: float = 220.0
+) -> float:
+    """Grey level of a light that follows the line, in a frame whose exposure starts at `start_ns`."""
+    end_ns = start_ns + round(exposure_s * NS_PER_S)
+    lit_ns, on, since_ns = 0, False, start_ns
+    for edge in edges:
+        if edge.stamp_ns >= end_ns:
+            break
+        if edge.stamp_ns > start_ns:
+            lit_ns += on * (edge.stamp_ns - since_ns)
+            since_ns = edge.stamp_ns
+        on = edge.level
+    lit_ns += on * (end_ns - since_ns)
+    return dark + (bright - dark) * lit_ns / (end_ns - start_ns)
 
 
 def _server(owner: CameraStream, port: int) -> http.server.ThreadingHTTPServer:

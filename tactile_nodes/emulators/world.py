@@ -17,9 +17,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from tactile_nodes.clock import Clock
 from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
 from tactile_nodes.params import parameter
+from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.mechanics import ContactTable
@@ -250,6 +252,25 @@ class World:
             return 0.0
         slope = float((force[-1] - force[-2]) / (depth[-1] - depth[-2]))
         return slope * deeper + STIFF_N_PER_MM * max(0.0, depth_mm - self.gel.layer_mm)
+
+
+class SharedLine:
+    """The line of a world that is shared by name in this process, as a control line; low while there is none."""
+
+    def __init__(self, name: str, clock: Clock) -> None:
+        self._name = name
+        self._clock = clock
+
+    def level(self) -> bool:
+        world = worlds.find(self._name)
+        return isinstance(world, World) and world.line_level(self._clock.now_ns())
+
+    def wait(self) -> bool:
+        """Not possible: a simulated line has no interrupt."""
+        return False
+
+    def close(self) -> None:
+        """Nothing to close."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.collection.station import WORLD
 from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine, sync_input
 from tactile_nodes.emulators.clocks import ForeignClock
-from tactile_nodes.emulators.sync_line import SharedLine
+from tactile_nodes.emulators.world import SharedLine
 from tactile_nodes.errors import DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter

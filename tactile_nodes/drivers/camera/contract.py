@@ -94,11 +94,6 @@ class Frame:
     sequence: int
     dropped: int
 
-    @property
-    def encoding(self) -> str:
-        """The image's `encoding` in `sensor_msgs/Image`: ``mono8`` or ``bgr8``."""
-        return 'mono8' if self.image.ndim == 2 else 'bgr8'
-
 
 class Camera(Protocol):
     """A source of frames."""

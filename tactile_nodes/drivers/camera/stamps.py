@@ -56,16 +56,6 @@ def _complaint(taken_ns: int, now_ns: int, last_ns: int, held: bool) -> str:
     return ''
 
 
-def missing_between(last_ns: int, stamp_ns: int, fps: float) -> int:
-    """How many frames of a camera of `fps` are missing between two stamps.
-
-    At 60 fps a gap of 50 ms is three periods, so two are missing; a gap of 24 ms is jitter.
-    """
-    if fps <= 0 or last_ns == 0:
-        return 0
-    return max(0, round((stamp_ns - last_ns) * fps / clock.NS_PER_S) - 1)
-
-
 class Cadence:
     """Counts missing frames of a camera that may be slower than announced.
 
@@ -97,9 +87,13 @@ class Cadence:
         return f'it sends {fps:.1f} frames/s, but announces {self._fps:g}' if fps != self._fps else ''
 
     def missing(self, stamp_ns: int) -> int:
-        """Number of missing frames between the last frame and this one."""
-        fps, last_ns = self.fps, self._last_ns
-        if last_ns:
-            self._gaps_ns.append(max(1, stamp_ns - last_ns))
-        self._last_ns = stamp_ns
-        return missing_between(last_ns, stamp_ns, fps)
+        """Number of missing frames between the last frame and this one.
+
+        At 60 fps a gap of 50 ms is three periods, so two are missing; a gap of 24 ms is jitter.
+        """
+        fps, last_ns, self._last_ns = self.fps, self._last_ns, stamp_ns
+        if last_ns == 0:
+            return 0
+        gap_ns = stamp_ns - last_ns
+        self._gaps_ns.append(max(1, gap_ns))
+        return max(0, round(gap_ns * fps / clock.NS_PER_S) - 1)

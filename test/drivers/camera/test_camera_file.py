@@ -102,7 +102,7 @@ def test_a_grey_image_stays_grey(tmp_path: Path, jumping: SteppedClock) -> None:
     cv2.imwrite(str(tmp_path / 'a.png'), np.full((5, 7), 9, np.uint8))
     frame = opened(tmp_path, jumping).read(1.0)
     assert frame.image.shape == (5, 7)
-    assert frame.encoding == 'mono8'
+    assert frame.image.ndim == 2
 
 
 def test_deeper_images_are_cut_to_8_bits(tmp_path: Path, jumping: SteppedClock) -> None:

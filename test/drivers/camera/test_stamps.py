@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tactile_nodes import clock
-from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps, missing_between
+from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps
 
 NOW = 5_000_000_000_000  # ns on CLOCK_MONOTONIC
 
@@ -69,12 +69,15 @@ def test_arrival_times_are_kept_once_they_are_chosen() -> None:
 
 @pytest.mark.parametrize(('gap_ms', 'missing'), [(16.7, 0), (24.0, 0), (33.3, 1), (50.0, 2), (1000.0, 59), (1.0, 0)])
 def test_missing_frames_are_read_off_the_gap_between_stamps(gap_ms: float, missing: int) -> None:
-    assert missing_between(NOW, NOW + round(gap_ms * 1e6), 60.0) == missing
+    cadence = Cadence(60.0)
+    cadence.missing(NOW)
+    assert cadence.missing(NOW + round(gap_ms * 1e6)) == missing
 
 
 def test_nothing_is_missing_before_the_first_frame_or_without_a_rate() -> None:
-    assert missing_between(0, NOW, 60.0) == 0
-    assert missing_between(NOW, 2 * NOW, 0.0) == 0
+    assert Cadence(60.0).missing(NOW) == 0
+    cadence = Cadence(0.0)
+    assert [cadence.missing(NOW), cadence.missing(2 * NOW)] == [0, 0]
 
 
 def test_the_frames_of_a_camera_that_is_slower_than_it_says_are_not_lost() -> None:

@@ -26,8 +26,8 @@ from tactile_nodes.drivers.sync_input.control_line import (
     sync_input,
 )
 from tactile_nodes.emulators import world
+from tactile_nodes.emulators.camera_stream import light_brightness
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.sync_line import light_brightness
 from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
 from tactile_nodes.sensing.sync.light import LightWatch

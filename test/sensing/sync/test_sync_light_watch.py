@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from light_runs import light_edges
 
-from tactile_nodes.emulators.sync_line import light_brightness
+from tactile_nodes.emulators.camera_stream import light_brightness
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
 from tactile_nodes.sensing.sync.light import LightWatch
