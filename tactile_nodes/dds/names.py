@@ -6,7 +6,7 @@ rmw's ``typehash=…;`` for the hash; rmw_dds_common for the topic of discovery 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from tactile_nodes.messages import type_hash
 
@@ -22,10 +22,6 @@ class NodeEnds:
 
     writers: tuple[bytes, ...] = ()
     readers: tuple[bytes, ...] = ()
-
-    def with_readers(self, readers: tuple[bytes, ...]) -> NodeEnds:
-        """A copy with other readers."""
-        return replace(self, readers=readers)
 
 
 def dds_topic(topic: str) -> str:

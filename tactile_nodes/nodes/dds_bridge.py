@@ -7,7 +7,7 @@ and RViz. ``take`` brings topics of the graph to this bus. Parameters and servic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -82,7 +82,7 @@ class DdsBridgeNode(Node):
 
     def _look(self) -> None:
         nodes = self._out.look()
-        nodes[self.full_name] = nodes[self.full_name].with_readers(self._in.gids)
+        nodes[self.full_name] = replace(nodes[self.full_name], readers=self._in.gids)
         self._participant.tell(nodes)
         for line in self._participant.log_lines(self.bus.clock.now_ns() / NS_PER_S):
             self.log.warn(line)

@@ -21,9 +21,9 @@ def pattern_gaps(plan_id: str, number: int, edges: int) -> tuple[float, ...]:
 
     The first is 0.4 + 2.1 * s, with s = the first 32 bits of SHA-256("a1b2c3d4e5f6 1 0") / 2^32.
     """
-    return tuple(
-        round(SHORTEST_S + (LONGEST_S - SHORTEST_S) * _share(plan_id, number, edge), 3) for edge in range(edges)
-    )
+    digests = (hashlib.sha256(f'{plan_id} {number} {edge}'.encode()).digest() for edge in range(edges))
+    shares = (int.from_bytes(digest[:4], 'big') / 2**32 for digest in digests)
+    return tuple(round(SHORTEST_S + (LONGEST_S - SHORTEST_S) * share, 3) for share in shares)
 
 
 def sync_pattern(gaps: list[float], settings: CollectionSettings, safe_z_mm: float) -> Procedure[None]:
@@ -44,8 +44,3 @@ def sync_pattern(gaps: list[float], settings: CollectionSettings, safe_z_mm: flo
         yield Switch(True)
         yield Look(high_s)
         yield Switch(False)
-
-
-def _share(plan_id: str, number: int, edge: int) -> float:
-    digest = hashlib.sha256(f'{plan_id} {number} {edge}'.encode()).digest()
-    return int.from_bytes(digest[:4], 'big') / 2**32

@@ -1,12 +1,7 @@
-"""The whole run: home, find the surface, press after press, and the handling of faults.
+"""The whole run: home, find the surface, press after press, and the handling of faults (docs/collection.md).
 
-A rejected press is tried again after the others. A force above its limit sets the point aside for this run. A force
-that is not bearable halts the run until a person has checked the rig. A sensor or camera that becomes silent ends an
-attempt, and the run continues when it has recovered. After a silent machine it continues once a force also confirms
-that the tip is up. Any other fault of the machine ends the run, because only a person can tell its position. A
-displaced anchor (`anchors`) also ends it: presses since the last good anchor are suspect, and the next run does them
-again. In all cases the tip first goes straight up, if the machine still obeys. After a run that was cut off, the
-position of the tip is unknown: before the next run moves anything, a person is asked.
+In all cases the tip first goes straight up, if the machine still obeys. After a run that was cut off, the position of
+the tip is unknown: before the next run moves anything, a person is asked.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
-"""Marlin over a serial line: 3D printers as rigs.
+"""Marlin over a serial line: 3D printers as rigs (docs/cnc.md).
 
-Differences from Grbl: Marlin does not report its limits, so the workspace must be set. Its ``G28`` may drive the tip
-into the gel, so the homing command must be set. It processes one line after another, and ``M400`` blocks it until it is
-at rest. So `wait_idle` sends ``M400`` only when the motion can be over, and `status` is answered meanwhile: with the
-real position if it has M114_REALTIME, else with the target. It has no feed hold. ``M410`` stops at once only with the
-emergency parser (abruptly, so that steps may be lost at speed). Without the parser, jogs are limited to 0.05 mm. Marlin
-silently drops a move of fewer than 6 steps of every axis, so such a jog is refused, or left out if it is no longer than
-the error with which a target counts as reached.
+It processes one line after another, and ``M400`` blocks it until it is at rest. So `wait_idle` sends ``M400`` only when
+the motion can be over, and `status` is answered meanwhile. ``M410`` stops at once only with the emergency parser;
+without, jogs are limited to 0.05 mm. Marlin silently drops a move of fewer than 6 steps of every axis, so such a jog is
+refused, or left out if it is no longer than the error with which a target counts as reached.
 """
 
 from __future__ import annotations

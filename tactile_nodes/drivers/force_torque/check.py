@@ -16,13 +16,10 @@ class SampleCheck:
 
     A measurement has noise, so equal readings in a row are rare. If the standard deviation of the noise is a share s of
     the sensor's resolution step, a reading stays within one step with a probability of at most p = erf(1 / (s √8)):
-    0.68 for s = 0.5, 0.26 for s = 1.5, 0.02 for s = 20. So an axis repeats its value for n samples with probability pⁿ,
-    six axes at once with p⁶ⁿ. The check counts repetitions of all axes together; `same_values` (20) per axis are a
-    fault: 20 samples if all axes repeat, 120 if one of six does. With s = 0.5 that happens to a working sensor with six
-    axes in one of 3e11 samples (0.68¹²⁰, times the 2e8 ways to share 120 repetitions among six); with s = 1.5 to one
-    with a single axis in one of 4e11 (0.26²⁰), which is ten years at 1000 Hz. Sensors with 1e5 counts per newton, where
-    5 mN are 500 steps, and the 24-bit converter of a load cell, whose noise is 20 steps and more, are far from it. A
-    single axis with coarser rounding needs a larger `same_values`.
+    0.68 for s = 0.5, 0.26 for s = 1.5, 0.02 for s = 20. The check counts repetitions of all axes together;
+    `same_values` (20) per axis are a fault: 20 samples if all axes repeat, 120 if one of six does. With s = 0.5 that
+    happens to a working sensor with six axes in one of 3e11 samples (0.68¹²⁰, times the 2e8 ways to share 120
+    repetitions among six); with s = 1.5 to one with a single axis in one of 4e11 (0.26²⁰).
 
     Args:
         axes: which components of the wrench are measured.

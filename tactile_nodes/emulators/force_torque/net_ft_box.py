@@ -1,9 +1,6 @@
 """The inside of an emulated ATI Net F/T box: requests in, datagrams out, as a function of time; no socket, no thread.
 
-RDT, all numbers big-endian: a request is eight bytes (0x1234, command, count), a record 36 (three unsigned, six signed
-32-bit numbers: rdt_sequence, ft_sequence, status, Fx, Fy, Fz, Tx, Ty, Tz in counts). The box acknowledges nothing and
-serves the client with the last request. It counts `rdt_sequence` from 1 in each stream, and `ft_sequence` always at
-7000 Hz.
+`drivers.force_torque.net_ft_rdt` has the protocol. The box serves the client with the last request.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
-"""The inside of an emulated Bota Systems serial sensor (SensONE, MiniONE): 460800 baud, binary frames, own clock.
+"""The inside of an emulated Bota Systems serial sensor; `drivers.force_torque.bota` has the protocol.
 
-It sends ``App Init`` when it gets power, and then frames. ``C`` stops them for the configuration, where ``c,…`` sets
-up the line and ``f,…`` the filter, and ``R`` starts them. The response to each is ``r,0,<letter>,0``. A frame is 37
-bytes: 0xAA, then little-endian a u16 status, six f32 (N, N·m), a u32 time stamp in µs and an f32 temperature in °C,
-then the CRC-16/X-25 of those 34.
+It sends ``App Init`` when it gets power, and then frames.
 """
 
 from __future__ import annotations
