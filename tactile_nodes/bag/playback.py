@@ -22,17 +22,9 @@ class Timeline:
 
     def __init__(self, rate: float = 1.0) -> None:
         self._lock = threading.Lock()
-        self._rate = rate
+        self.rate = rate
         self._now_ns = self._bag_ns = 0
-        self._paused = False
-
-    @property
-    def rate(self) -> float:
-        return self._rate
-
-    @property
-    def paused(self) -> bool:
-        return self._paused
+        self.paused = False
 
     def start(self, now_ns: int, bag_ns: int) -> None:
         """At `now_ns` the position is `bag_ns`; also used to step while paused."""
@@ -40,14 +32,14 @@ class Timeline:
             self._now_ns, self._bag_ns = now_ns, bag_ns
 
     def pause(self, now_ns: int) -> None:
-        self._change(now_ns, self._rate, True)
+        self._change(now_ns, self.rate, True)
 
     def resume(self, now_ns: int) -> None:
-        self._change(now_ns, self._rate, False)
+        self._change(now_ns, self.rate, False)
 
     def set_rate(self, now_ns: int, rate: float) -> None:
         """Continue at another speed, without a jump."""
-        self._change(now_ns, rate, self._paused)
+        self._change(now_ns, rate, self.paused)
 
     def bag_ns(self, now_ns: int) -> int:
         with self._lock:
@@ -56,15 +48,15 @@ class Timeline:
     def due_ns(self, bag_ns: int) -> int | None:
         """The clock's time at which the bag's time will be `bag_ns`; None while paused."""
         with self._lock:
-            return None if self._paused else self._now_ns + round((bag_ns - self._bag_ns) / self._rate)
+            return None if self.paused else self._now_ns + round((bag_ns - self._bag_ns) / self.rate)
 
     def _at(self, now_ns: int) -> int:
-        return self._bag_ns if self._paused else self._bag_ns + round((now_ns - self._now_ns) * self._rate)
+        return self._bag_ns if self.paused else self._bag_ns + round((now_ns - self._now_ns) * self.rate)
 
     def _change(self, now_ns: int, rate: float, paused: bool) -> None:
         with self._lock:
             self._now_ns, self._bag_ns = now_ns, self._at(now_ns)
-            self._rate, self._paused = rate, paused
+            self.rate, self.paused = rate, paused
 
 
 _SLICE_NS = 20_000_000  # longest reaction time to a pause, a stop or another rate

@@ -71,7 +71,7 @@ class BagWriter:
         self._new_topics: list[BagTopic] = []
         self._described: list[BagTopic] = []
         self._queued_bytes = self._written_bytes = self._accepted = 0
-        self._failure: BagError | None = None
+        self.failure: BagError | None = None  # why nothing is written any more
         self._sync_failure: OSError | None = None
         self._closing = False
         self._dirty = threading.Event()
@@ -128,18 +128,13 @@ class BagWriter:
         dropped = sum(self.dropped_of.values())
         return BagTotals(extent.messages, self._written_bytes, dropped, extent.duration_ns / NS_PER_S)
 
-    @property
-    def failure(self) -> BagError | None:
-        """Why nothing is written any more."""
-        return self._failure
-
     def begin_to_close(self, patience_s: float) -> int:
         """Accept no more messages, and wait for the disk; returns how many messages are still waiting after that."""
         with self._arrived:
             self._closing = True
             self._arrived.notify()
         self._ended.wait(patience_s)
-        return 0 if self._failure is not None else self._accepted - self.totals.messages
+        return 0 if self.failure is not None else self._accepted - self.totals.messages
 
     def close(self) -> BagTotals:
         """Write the waiting messages, the indexes and ``metadata.yaml``. Closing twice is harmless.
@@ -150,8 +145,8 @@ class BagWriter:
         self.begin_to_close(0.0)
         for thread in self._threads:
             thread.join()
-        if self._failure is not None:
-            raise self._failure
+        if self.failure is not None:
+            raise self.failure
         return self.totals
 
     def discard_empty(self) -> None:
@@ -169,8 +164,8 @@ class BagWriter:
             self.folder.rmdir()
 
     def _check_open(self) -> None:
-        if self._failure is not None:
-            raise self._failure
+        if self.failure is not None:
+            raise self.failure
         if self._closing:
             raise BagError(f'the bag {self.folder} is closed')
 
@@ -297,11 +292,11 @@ class BagWriter:
         with self._arrived:
             written = self.totals.messages
             lost = self._accepted - written
-            self._failure = BagError(
+            self.failure = BagError(
                 f'cannot continue to write the bag {self.folder}: {reason}; '
                 f'it can be read and holds the messages written before ({written}); lost: {lost}'
             )
-            self._failure.__cause__ = cause
+            self.failure.__cause__ = cause
 
     # --- the syncing thread: a disk that takes its time must not hold up the writing -------------------------
 

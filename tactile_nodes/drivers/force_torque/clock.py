@@ -50,6 +50,9 @@ class TickClock:
         delay_ns: constant time from measurement to arrival, subtracted from every stamp.
         most_drift: largest relative deviation from the nominal rate. A crystal deviates by up to 100 ppm, a ceramic
             resonator by up to 5000 ppm.
+
+    Attributes:
+        settled: whether there were enough samples for good stamps; stays true.
     """
 
     def __init__(self, rate_hz: float, delay_ns: int = 0, most_drift: float = MOST_DRIFT) -> None:
@@ -60,7 +63,7 @@ class TickClock:
         self._keeps_time = self._is_timed = True
         self._x = self._y = self._leap = 0.0
         self._first_ns = self._arrived_ns = 0
-        self._settled = False
+        self.settled = False
         self._ticks: int | None = None
         self._origin = (0, 0)
         self._count = 0
@@ -70,11 +73,6 @@ class TickClock:
         self._line = (0.0, 0.0)
         self._known_slope: float | None = None
         self._stamp_ns = 0
-
-    @property
-    def settled(self) -> bool:
-        """Whether there were enough samples for good stamps; stays true."""
-        return self._settled
 
     @property
     def drift_ppm(self) -> float:
@@ -113,7 +111,7 @@ class TickClock:
 
     def lead_ns(self, ticks: int, arrival_ns: int) -> float:
         """How far the counter is ahead of the line; 0 if unknown. Only a counter that jumped or began again is."""
-        if not self._settled or not self._keeps_time:
+        if not self.settled or not self._keeps_time:
             return 0.0
         x, y = self._place(ticks, arrival_ns)
         return self._line[0] + self._line[1] * x - y
@@ -137,7 +135,7 @@ class TickClock:
         line_ns = self._origin[1] + round(x + late) - self._delay_ns
         self._stamp_ns = max(self._stamp_ns + 1, line_ns)
         self._is_timed = self._keeps_time and self._stamp_ns - line_ns < JUMP_NS
-        self._settled = self._settled or self._has_seen_enough()
+        self.settled = self.settled or self._has_seen_enough()
         return self._stamp_ns
 
     def _has_seen_enough(self) -> bool:
@@ -160,7 +158,7 @@ class TickClock:
 
     def _is_ahead(self, x: float, y: float) -> bool:
         """Whether the counter has jumped, or the first samples were delayed."""
-        if not self._settled:
+        if not self.settled:
             return y < -JUMP_NS
         return self._keeps_time and y < self._line[0] + self._line[1] * x - JUMP_NS
 

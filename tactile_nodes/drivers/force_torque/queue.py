@@ -22,6 +22,8 @@ class SampleQueue:
 
     Attributes:
         rate_hz: samples per second, to estimate how many a sensor made while it was lost.
+        newest: the last sample put; None before the first.
+        failure: why there are no samples now; None: they come.
     """
 
     def __init__(self, name: str, depth: int, check: SampleCheck) -> None:
@@ -32,26 +34,17 @@ class SampleQueue:
         self._waiting: deque[Sample] = deque()
         self._changed = threading.Condition()
         self._listeners: tuple[Listener, ...] = ()
-        self._newest: Sample | None = None
+        self.newest: Sample | None = None
         self._sequence = -1
         self._missing = 0
         self._overflow = 0
-        self._failure: TactileError | None = None
+        self.failure: TactileError | None = None
         self._closed = False
 
     @property
     def dropped(self) -> int:
         """Samples lost so far, in transit or for lack of a reader."""
         return self._missing + self._overflow
-
-    @property
-    def failure(self) -> TactileError | None:
-        """Why there are no samples now."""
-        return self._failure
-
-    @property
-    def newest(self) -> Sample | None:
-        return self._newest
 
     def listen(self, listener: Listener) -> None:
         """Call `listener` with each sample as it is put."""
@@ -70,9 +63,9 @@ class SampleQueue:
     ) -> None:
         """Add a sample; `missing` before it were lost."""
         flags |= self._check.flags(wrench)
-        if self._failure is not None and self._newest is not None:
+        if self.failure is not None and self.newest is not None:
             flags |= Flag.RESTARTED
-            missing = max(missing, self._missed_since(self._newest.stamp_ns, stamp_ns))
+            missing = max(missing, self._missed_since(self.newest.stamp_ns, stamp_ns))
         self._sequence += 1 + missing
         self._missing += missing
         arrival_ns = max(arrival_ns, stamp_ns)  # of one read, several stamped on arrival are a nanosecond apart
@@ -80,8 +73,8 @@ class SampleQueue:
         for listener in self._listeners:
             listener(sample)
         with self._changed:
-            self._failure = None
-            self._newest = sample
+            self.failure = None
+            self.newest = sample
             self._waiting.append(sample)
             if len(self._waiting) > self._depth:
                 self._waiting.popleft()
@@ -91,7 +84,7 @@ class SampleQueue:
     def fail(self, error: TactileError) -> None:
         """Report that there will be no samples until further notice, and why."""
         with self._changed:
-            self._failure = error
+            self.failure = error
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -103,7 +96,7 @@ class SampleQueue:
     def wait(self, timeout_s: float) -> bool:
         """Whether a sample has arrived in time; it stays unread."""
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting or self._failure, timeout_s)
+            self._changed.wait_for(lambda: self._waiting or self.failure, timeout_s)
             return bool(self._waiting)
 
     def take(self, timeout_s: float) -> Sequence[Sample]:
@@ -115,12 +108,12 @@ class SampleQueue:
             DeviceLostError: from the error given to `fail`.
         """
         with self._changed:
-            if not self._changed.wait_for(lambda: self._waiting or self._failure or self._closed, timeout_s):
+            if not self._changed.wait_for(lambda: self._waiting or self.failure or self._closed, timeout_s):
                 raise DeviceTimeoutError(f'{self._name} sent no sample within {timeout_s:g} s; check cable and power')
             if self._closed:
                 raise closed(self._name)
             if not self._waiting:
-                raise DeviceLostError(str(self._failure or f'{self._name} is lost')) from self._failure
+                raise DeviceLostError(str(self.failure or f'{self._name} is lost')) from self.failure
             taken = list(self._waiting)
             self._waiting.clear()
             overflow = self._overflow
