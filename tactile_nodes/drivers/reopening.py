@@ -30,7 +30,7 @@ class Reopening(Generic[Opened]):
         name: of the thread.
         connect: opens the device.
         fetch: waits a moment for data of the device, and passes them on; returns whether there were any. A DeviceError
-            means that it is lost; another TactileError, that opening it again cannot help.
+            or OSError means that it is lost; another TactileError, that opening it again cannot help.
         lose: receives the reason each time when there are no more data.
 
     Attributes:
@@ -92,9 +92,9 @@ class Reopening(Generic[Opened]):
                         connection = self.connection = self._connect()
                         self.is_lost = False
                     is_well |= self._fetch(connection)
-                except DeviceError as error:
+                except (DeviceError, OSError) as error:
                     self.losses += is_well
-                    self._lose(error)
+                    self._lose(error if isinstance(error, DeviceError) else DeviceLostError(str(error)))
                     if connection is not None:
                         connection.close()
                     connection, self.is_lost = None, True

@@ -18,7 +18,7 @@ GONE, AWAY = DeviceLostError('X is gone'), DeviceNotFoundError('there is no X')
 class Device:
     """A device that gives what it is set to: whether there are data, or an error; in the end it waits."""
 
-    def __init__(self, answers: Iterable[bool | TactileError]) -> None:
+    def __init__(self, answers: Iterable[bool | Exception]) -> None:
         self.answers = list(answers)
         self.closed_by = ''
 
@@ -56,7 +56,7 @@ class Bench:
             self.at_end.set()
             return False
         answer = device.answers.pop(0)
-        if isinstance(answer, TactileError):
+        if isinstance(answer, Exception):
             raise answer
         return answer
 
@@ -85,6 +85,13 @@ def test_the_delays_start_over_only_after_data(monkeypatch: pytest.MonkeyPatch) 
     bench.run()
     assert bench.waited == [0.25, 0.5, 1.0, 0.25, 0.5]
     assert bench.source.losses == 2
+
+
+def test_an_error_of_the_system_is_a_loss_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, Device([True, OSError(5, 'Input/output error')]), Device([]))
+    bench.run()
+    assert [str(reason) for reason in bench.reasons] == ['[Errno 5] Input/output error']
+    assert bench.source.losses == 1
 
 
 def test_the_thread_closes_each_device_itself(monkeypatch: pytest.MonkeyPatch) -> None:
