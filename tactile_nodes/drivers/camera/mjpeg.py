@@ -59,6 +59,7 @@ class MjpegConnection(CameraConnection):
 
     def close(self) -> None:
         self._response.close()
+        self._socket.close()
 
     def _request(self) -> http.client.HTTPResponse:
         secure = self._url.scheme == 'https'

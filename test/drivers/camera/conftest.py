@@ -91,6 +91,13 @@ class Peer:
             if self.over.wait(1 / fps):
                 return
 
+    def wait_until_left(self) -> None:
+        """Say nothing until the client has closed the line."""
+        self._handler.connection.settimeout(20)
+        with contextlib.suppress(OSError):
+            while self._handler.connection.recv(1):
+                pass
+
     def stall(self) -> None:
         """Keep the line open and say nothing."""
         self.over.wait(20)

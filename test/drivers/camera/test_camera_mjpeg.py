@@ -231,6 +231,33 @@ def test_user_and_password_are_sent_and_never_shown(serve: Serve, clock: SystemC
     assert 'cret' not in str(camera.description)
 
 
+def test_a_lost_connection_is_closed_before_the_next_for_servers_that_have_one_client(
+    serve: Serve, clock: SystemClock
+) -> None:
+    """Such as an ESP32-CAM, which refuses a second one as long as the first is connected."""
+    left, clients = threading.Event(), []
+
+    def script(peer) -> None:
+        clients.append(peer)
+        if len(clients) == 1:
+            peer.head()
+            peer.stream(count=2)
+            peer.wait_until_left()
+            left.set()
+        else:
+            peer.head(status=200 if left.is_set() else 503)
+            peer.stream()
+
+    camera = open_camera(CameraSettings(serve(script), stall_s=0.3), clock)
+    while camera.health.level == Level.OK:
+        read_or_none(camera, 0.05)
+    deadline_ns = clock.now_ns() + 10_000_000_000
+    while camera.health.level != Level.OK and clock.now_ns() < deadline_ns:
+        read_or_none(camera, 0.05)
+    assert camera.health.level == Level.OK
+    camera.close()
+
+
 def test_the_camera_reconnects_when_the_server_comes_back(serve: Serve, clock: SystemClock) -> None:
     """The first connection is cut after three pictures; the second goes on."""
     connections = []
