@@ -16,7 +16,9 @@ from tactile_nodes.learning.transfer.calibration import beyond_noise, cautious, 
 from tactile_nodes.learning.transfer.checks import require_tared
 from tactile_nodes.learning.transfer.fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer.whole import RIM_SCATTER, Typical, changed, fit_whole
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.arrays import AnyReadout, readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -82,6 +84,33 @@ def test_a_mounting_that_gives_way_under_the_force_spoils_no_calibration(
     assert given.gives_px == pytest.approx(px_per_n * np.hypot(np.hypot(1.0, 0.3), turned), rel=0.3)
     assert 'the mounting of the camera gives way under the force' in given.mounting
     assert not made.mounting
+
+
+def test_what_the_sides_of_a_gel_add_spoils_no_calibration_that_knows_it(
+    source: AxisymmetricReadout, made: Transfer
+) -> None:
+    """Motion around the press that grows with the force and towards the sides, in another direction at each."""
+    patches = PatchGrid(source.bins)
+    x, y = patches.centres_mm.T / REACH_MM
+    away = np.square(patches.centres_mm[:, None] - source.response.places).sum(axis=-1)
+    per_n = np.stack([x**3, -(y**3)], axis=-1)[:, None] * np.exp(-away / 50)[..., None]
+    sides = BySides(patches, per_n.astype(np.float32))
+
+    def moved(dataset: Dataset) -> Dataset:
+        contacts = np.maximum(dataset.presses[:, [0, 1, 3]].astype(float), [-np.inf, -np.inf, 0.0])
+        added, _ = sides.motion_and_slopes(contacts)
+        features = dataset.features + added.reshape(dataset.features.shape)
+        return dataclasses.replace(dataset, features=features.astype(np.float16))
+
+    given = transfer(source, moved(other_gel(25, seed=3)), sides=sides)
+    fresh = other_gel(60, seed=4)
+    (place, force), (usual_place, usual_force) = (
+        errors(each.readout, dataset) for each, dataset in ((given, moved(fresh)), (made, fresh))
+    )
+    assert np.median(place) < 1.1 * np.median(usual_place)
+    assert np.sqrt(np.mean(force**2)) < 1.1 * np.sqrt(np.mean(usual_force**2))
+    ignoring = transfer(source, moved(other_gel(25, seed=3)), forced=True)
+    assert np.sqrt(np.mean(errors(ignoring.readout, moved(fresh))[1] ** 2)) > 2 * np.sqrt(np.mean(force**2))
 
 
 def test_the_whole_fit_finds_softness_and_shift(source: AxisymmetricReadout) -> None:
