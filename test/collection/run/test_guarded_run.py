@@ -106,9 +106,9 @@ def test_a_force_that_is_reached_and_not_held_is_reported() -> None:
 
 
 def test_the_force_sensor_tells_of_the_whole_hold_however_long_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Readings keep some seconds only; here half a one."""
-    monkeypatch.setattr(readings, 'KEPT_NS', NS_PER_S // 2)
-    guard = dataclasses.replace(SETTINGS.guard, hold_s=1.2)
+    """Readings keep some seconds only; here one, since a busy machine may look at them half a second late."""
+    monkeypatch.setattr(readings, 'KEPT_NS', NS_PER_S)
+    guard = dataclasses.replace(SETTINGS.guard, hold_s=2.0)
     with opened(truth, dataclasses.replace(SETTINGS, guard=guard)) as run:
         outcome = run.run()
     assert outcome is not None
