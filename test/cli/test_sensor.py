@@ -90,6 +90,30 @@ def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:
     assert camera.position_mm[2] == pytest.approx(-20, abs=0.2)
 
 
+def test_a_gel_that_ends_within_the_picture_has_sides_that_are_asked_for(
+    folder: Path, pictures: list[np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its left and right are covered; a wrong answer is asked for again."""
+    for number, each in enumerate(pictures):
+        framed = each.copy()
+        framed[:, -50:] = 4
+        cv2.imwrite(str(folder / 'rest' / f'{number}.png'), framed)
+    terminal = io.StringIO('2.5\n4\n0.1\nglued\nfree\n0.3\n20\n')
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr('sys.stdin', terminal)
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
+    assert load_sensor('mine.yaml').gel.sides == 'free'
+    assert not terminal.read()
+
+
+def test_sides_can_be_given(folder: Path) -> None:
+    words = ['--width', '18.5', '--yes', '--sides', 'held']
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', *words]) == 0
+    assert load_sensor('mine.yaml').gel.sides == 'held'
+    with pytest.raises(SystemExit):
+        main(['sensor', 'new', 'rest', '-o', 'other.yaml', *words[:-1], 'glued'])
+
+
 def test_a_person_is_asked_until_the_answer_can_be_read(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from tactile_nodes.cli.running.session import positive_float
 from tactile_nodes.cli.sensor import pictures
 from tactile_nodes.cli.sensor.check import tell
-from tactile_nodes.cli.sensor.questions import answered, depths, modulus, size
+from tactile_nodes.cli.sensor.questions import answered, depths, modulus, sides, size
 
 if TYPE_CHECKING:
     from tactile_nodes.drivers.camera.contract import Picture
@@ -40,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--stiffness', type=modulus, metavar='MPA', help='shear modulus, or hardness: 0.1, or 10A for Shore A 10'
+    )
+    parser.add_argument(
+        '--sides', type=sides, metavar='WHAT', help='sides of the gel: free, held by a rigid frame, or ignored'
     )
     parser.add_argument(
         '--distance', type=positive_float, metavar='MM', help='distance from the lens to the surface of the gel'

@@ -68,6 +68,15 @@ def size(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
+def sides(text: str) -> str:
+    """What is at the sides of a gel."""
+    from tactile_nodes.sensors import SIDES as KNOWN
+
+    if text not in KNOWN:
+        raise argparse.ArgumentTypeError(f'{text!r} is none of: {", ".join(KNOWN)}')
+    return text
+
+
 WIDTH = Question(
     'width', 'How wide is the whole picture at the surface of the gel, from its left to its right edge [mm]?',
     positive_float, 0.0, ('gel.width_mm', 'gel.height_mm'),
@@ -86,6 +95,10 @@ DOTS_DEPTH, TEXTURE_DEPTH = (
 STIFFNESS = Question(
     'stiffness', 'How stiff is the gel: shear modulus [MPa], or Shore A, e.g. 10A?', modulus, 0.1, ('gel.moduli_mpa',)
 )
+SIDES = Question(
+    'sides', 'What is at the sides of the gel: free, held (by a rigid frame), or ignored if you do not know?',
+    sides, 'ignored', ('gel.sides',),
+)  # fmt: skip
 DATA_SHEET_OFF = 0.3
 """Relative uncertainty of a modulus that follows from a hardness or a data sheet."""
 DISTANCE = Question(
@@ -108,6 +121,7 @@ def answered(
     camera = _calibrated(arguments, size_px)
     width, pitch = _lengths(asking, arguments, dots=seen.dots is not None)
     given = {each.flag: asking.of(each) for each in (THICKNESS, STIFFNESS)}
+    at_sides = asking.of(SIDES) if arguments.sides or seen.shows_rim else SIDES.usual
     markers = asking.of(TEXTURE_DEPTH if seen.dots is None else DOTS_DEPTH)
     distance = (arguments.distance or 0.0) if camera else asking.of(DISTANCE)
     sources = {**asking.sources, **dict.fromkeys(OF_PICTURE, FOUND), 'gel.poisson_ratios': 'assumed'}
@@ -122,7 +136,7 @@ def answered(
     sources['gel.moduli_off'] = 'from a hardness or a data sheet' if known else 'not measured'
     answers = Answers(
         arguments.output.stem, width, pitch, given['thickness'], given['stiffness'],
-        DATA_SHEET_OFF if known else Answers.modulus_off, markers, distance, camera,
+        DATA_SHEET_OFF if known else Answers.modulus_off, markers, distance, camera, at_sides,
     )  # fmt: skip
     return answers, sources
 
@@ -176,7 +190,8 @@ class _Asking:
 
 
 def _as_text(value: Any) -> str:
-    return '-'.join(f'{each:g}' for each in (value if isinstance(value, tuple) else (value,)))
+    each = value if isinstance(value, tuple) else (value,)
+    return '-'.join(one if isinstance(one, str) else f'{one:g}' for one in each)
 
 
 def _calibrated(arguments: argparse.Namespace, size_px: tuple[int, int]) -> CameraDescription | None:

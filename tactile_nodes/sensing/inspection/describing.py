@@ -55,6 +55,7 @@ class Answers:
         markers_mm: range of depths of the pattern.
         distance_mm: distance from the entrance pupil of the lens to the surface of the gel.
         camera: a calibrated camera, whose position is unknown.
+        sides: what is at the sides of the gel.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Answers:
     markers_mm: tuple[float, float] = (0.2, 0.5)
     distance_mm: float = 20.0
     camera: CameraDescription | None = None
+    sides: str = 'ignored'
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,12 @@ class Understood:
     picture: UInt8[np.ndarray, 'h w']
     dots: Dots | None
     covered: Bool[np.ndarray, 'h w'] = field(repr=False)
+
+    @property
+    def shows_rim(self) -> bool:
+        """Whether the gel ends within the picture: two opposite sides of it are covered."""
+        top, bottom, left, right = (each.all() for each in (*self.covered[[0, -1]], *self.covered[:, [0, -1]].T))
+        return bool((top and bottom) or (left and right))
 
     @property
     def summary(self) -> str:
@@ -140,7 +148,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
             replace(camera, position_mm=(x_mm, y_mm, -away_mm)),
             GelDescription(
                 wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.5,), answers.markers_mm,
-                answers.modulus_off,
+                answers.modulus_off, sides=answers.sides,
             ),
             _pattern(seen, px_per_mm, wide_mm * high_mm),
             BinSettings(*(min(64, max(2, round(side / BIN_MM))) for side in (high_mm, wide_mm))),
