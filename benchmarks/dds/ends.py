@@ -28,8 +28,8 @@ class Bridge:
 
     def __init__(self, folder: str, domain: int) -> None:
         place = {**os.environ, 'TACTILE_RUN_DIR': folder, 'ROS_DOMAIN_ID': str(domain)}
-        words = [sys.executable, '-m', 'tactile_nodes.nodes.dds_bridge', '--ros-args', '--log-level', 'warn']
-        self._process = subprocess.Popen(words, env=place)
+        program = [sys.executable, '-m', 'tactile_nodes.nodes.composed', 'dds_bridge']
+        self._process = subprocess.Popen([*program, '--ros-args', '--log-level', 'warn'], env=place)
         self._meter = psutil.Process(self._process.pid)
 
     def cpu_s(self) -> float:
