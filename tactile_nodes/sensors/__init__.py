@@ -2,6 +2,7 @@
 
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.description import (
+    MOST_SLENDER,
     SIDES,
     BinSettings,
     CameraDescription,
@@ -17,6 +18,7 @@ from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
 
 __all__ = [
+    'MOST_SLENDER',
     'SIDES',
     'BinSettings',
     'CameraDescription',

@@ -37,6 +37,9 @@ MOST_MM = 500.0
 SOFTEST_MPA, HARDEST_MPA, MOST_OFF = 1e-4, 20.0, 1.0
 """Limits of shear moduli, from the softest jelly to hard rubber, and of their uncertainty as a share."""
 
+MOST_SLENDER = 40.0
+"""Width over thickness up to which the effect of the sides is computed."""
+
 SIDES = 'ignored', 'free', 'held'
 """What is known of the sides of a gel."""
 
@@ -169,11 +172,6 @@ class GelDescription:
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)
-        if self.sides != 'ignored' and not self.may_have_sides:
-            raise ValueError(
-                f'gel.sides is {self.sides}, which only a flat rectangular gel can have; with gel.outline_mm or '
-                'gel.dome_radius_mm it must be ignored'
-            )
         for name in ('moduli_mpa', 'poisson_ratios'):
             if len(getattr(self, name)) != count:
                 raise ValueError(f'gel.{name} must hold {count} numbers, one for each of gel.layers_mm')
@@ -185,6 +183,11 @@ class GelDescription:
             raise ValueError(f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm')
         self._require_real()
         self._require_shallow()
+        if self.sides != 'ignored' and not self.may_have_sides:
+            raise ValueError(
+                f'gel.sides is {self.sides}, which only a flat rectangular gel can have that is at most '
+                f'{MOST_SLENDER:g} times as wide as thick; for any other gel it must be ignored'
+            )
 
     def _require_real(self) -> None:
         """Refuse values that suggest a wrong unit or digit. Raises ValueError."""
@@ -216,8 +219,9 @@ class GelDescription:
 
     @property
     def may_have_sides(self) -> bool:
-        """Whether the effect of sides can be computed: of a flat rectangle."""
-        return not (self.outline_mm or self.dome_radius_mm)
+        """Whether the effect of sides can be computed: of a flat rectangle that is not very thin."""
+        slender = max(self.width_mm, self.height_mm) / self.depth_mm
+        return slender <= MOST_SLENDER and not (self.outline_mm or self.dome_radius_mm)
 
     @property
     def depth_mm(self) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensors import SIDES, Dome, Outline
+from tactile_nodes.sensors import MOST_SLENDER, SIDES, Dome, Outline
 
 CHOICES = {
     'mechanics': ('linear', 'finite_strain'),
@@ -125,8 +125,12 @@ class Gel:
             self.dome.require_shallow(self.rim.farthest_mm)
         except ValueError as error:
             raise ConfigurationError(f'a gel cannot be simulated: {error}') from error
-        if self.sides != 'ignored' and (self.outline or self.dome_radius_mm):
-            raise ConfigurationError("only a flat rectangular gel can have sides; set 'sides' to ignored")
+        flat = not (self.outline or self.dome_radius_mm)
+        if self.sides != 'ignored' and not (flat and max(self.sides_mm) <= MOST_SLENDER * self.layer_mm):
+            raise ConfigurationError(
+                f'only a flat rectangular gel at most {MOST_SLENDER:g} times as wide as thick can have sides; set '
+                "'sides' to ignored"
+            )
 
     @property
     def rim(self) -> Outline:

@@ -58,3 +58,5 @@ def test_the_name_of_a_gel_changes_with_its_sides_only_if_they_count():
 def test_a_round_gel_has_no_sides_that_can_be_simulated():
     with pytest.raises(ConfigurationError, match='flat rectangular'):
         Gel(sides='free', outline='ellipse')
+    with pytest.raises(ConfigurationError, match='40 times as wide as thick'):
+        Gel(sides='free', size_mm=300.0)

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 FINEST, COARSEST, GROWTH = 1 / 8, 1 / 4, 1.25
-"""Sides of the elements over the thickness of the gel: at its sides, and at most; growth from one to the next."""
+"""Lengths of the elements over the thickness of the gel: at its sides, and at most; growth from one to the next."""
+
+FEWEST = 24
+"""The elements of a thin gel become longer, up to its length over this: far from its sides they do not matter."""
 
 DOWN = 8
 """Elements through the thickness of the gel; at least one for each layer."""
@@ -158,7 +161,7 @@ def _across(side_mm: float, thick_mm: float) -> Float[np.ndarray, ' lines']:
     steps, step = list[float](), FINEST * thick_mm
     while sum(steps) < side_mm / 2:
         steps.append(step)
-        step = min(step * GROWTH, COARSEST * thick_mm)
+        step = min(step * GROWTH, max(COARSEST * thick_mm, side_mm / FEWEST))
     half = np.cumsum([0.0, *steps]) * side_mm / 2 / sum(steps) - side_mm / 2
     return np.concatenate([half[:-1], [0.0], -half[-2::-1]])
 

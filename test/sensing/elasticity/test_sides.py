@@ -85,6 +85,11 @@ def test_far_from_the_sides_nothing_changes():
     assert by_x[long.lines_mm[0] < 1.5].max() < 0.01 * by_x.max()
 
 
+def test_a_thin_gel_has_no_more_elements_than_can_be_solved():
+    pair = BlockPair((Elastic(1.0, 0.1),), (40.0, 2.0), held=False, finer=0.5)
+    assert len(pair.lines_mm[0]) < 45
+
+
 def test_patches_are_solved_by_mirror_images_of_a_quarter():
     pair, patches = BlockPair(GEL, SIZE_MM, held=False), PatchGrid(BinGrid(2, 3, *SIZE_MM))
     sides = sides_of(GEL, SIZE_MM, patches, held=False)
