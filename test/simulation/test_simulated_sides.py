@@ -10,7 +10,7 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 
-GEL = Gel(size_mm=12.0, soft_mm=3.5, skin_mm=0.5, marker_count=400, mechanics='linear')
+GEL = Gel(size_mm=10.0, soft_mm=4.5, skin_mm=0.5, marker_count=400, mechanics='linear')
 
 
 @pytest.fixture(scope='module')
@@ -24,9 +24,9 @@ def optics() -> dict[str, Optics]:
 def test_a_press_pushes_a_free_side_out_and_a_frame_holds_it(optics: dict[str, Optics]):
     """A tip 2 mm from the side, and the markers between it and the side."""
     x, y, _ = optics['free'].markers_mm.T
-    between = (x > 4.5) & (np.abs(y) < 2)
+    between = (x > 3.5) & (np.abs(y) < 2)
     outwards = {
-        name: float(each.displacement_mm((Press(4.0, 0.0, 0.8),))[between, 0].mean()) for name, each in optics.items()
+        name: float(each.displacement_mm((Press(3.0, 0.0, 0.8),))[between, 0].mean()) for name, each in optics.items()
     }
     assert outwards['free'] > 1.2 * outwards['ignored']
     assert outwards['held'] < 0.5 * outwards['ignored']
@@ -34,7 +34,7 @@ def test_a_press_pushes_a_free_side_out_and_a_frame_holds_it(optics: dict[str, O
 
 def test_what_sides_add_grows_with_the_force(optics: dict[str, Optics]):
     def added(depth_mm: float) -> np.ndarray:
-        press = (Press(4.0, 0.0, depth_mm),)
+        press = (Press(3.0, 0.0, depth_mm),)
         return optics['free'].displacement_mm(press) - optics['ignored'].displacement_mm(press)
 
     forces = [solve(GEL).force_at(depth) for depth in (0.4, 0.8)]
@@ -44,7 +44,7 @@ def test_what_sides_add_grows_with_the_force(optics: dict[str, Optics]):
 def test_a_dragged_tip_near_a_free_side_pulls_it_along(optics: dict[str, Optics]):
     pressed, dragged = (
         optics['free'].displacement_mm((press,)) - optics['ignored'].displacement_mm((press,))
-        for press in (Press(4.0, 0.0, 0.8), Press(4.0, 0.0, 0.8, shift_mm=(0.2, 0.0)))
+        for press in (Press(3.0, 0.0, 0.8), Press(3.0, 0.0, 0.8, shift_mm=(0.2, 0.0)))
     )
     assert (dragged - pressed)[:, 0].sum() > 0
 

@@ -3,11 +3,10 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from coarse_table import hertz
 from layered_gel import BALL, SENSOR, SIDE, nominal, pressed, quiet_scaling, regions
 
-from tactile_nodes.learning.field.fit import FieldFit, fit_field
+from tactile_nodes.learning.field.fit import fit_field
 from tactile_nodes.learning.transfer.fit import folds_of
 from tactile_nodes.sensing.elasticity.regions import Regions
 
@@ -15,38 +14,22 @@ PRESSES = 20
 FREE = dataclasses.replace(SENSOR, gel=dataclasses.replace(SENSOR.gel, sides='free'))
 
 
-@pytest.fixture(scope='module')
-def real() -> Regions:
-    return Regions(FREE, SIDE, SIDE)
-
-
-@pytest.fixture(scope='module')
-def fit(real: Regions) -> FieldFit:
-    """Presses up to 4 mm from the free sides, and a description that says nothing of them."""
-    places = np.random.default_rng(4).uniform(-12, 12, (PRESSES, 2))
-    terms = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
-    dataset = pressed((places, terms), nominal(), PRESSES)
-    rows = np.arange(PRESSES)
-    contacts = dataset.presses[:, [0, 1, 3]].astype(float)
-    return fit_field(SENSOR, quiet_scaling(), dataset, rows, folds_of(contacts), BALL)
-
-
-def test_presses_show_that_the_sides_are_free(fit: FieldFit):
+def test_presses_show_that_the_sides_are_free_and_what_they_add_to_every_contact_and_to_tips():
+    """They come up to 4 mm near the sides. The description says nothing of these."""
+    real = Regions(FREE, SIDE, SIDE)
+    places, known = np.random.default_rng(4).uniform(-12, 12, (PRESSES, 2)), np.arange(real.count)
+    dataset = pressed((places, real.terms_of_pressure(places, hertz(real.layer, 0.5), known)), nominal(), PRESSES)
+    fold = folds_of(dataset.presses[:, [0, 1, 3]].astype(float))
+    fit = fit_field(SENSOR, quiet_scaling(), dataset, np.arange(PRESSES), fold, BALL)
     assert fit.found_sides == 'free'
     assert 'write gel.sides: free into its description' in fit.reason
-
-
-def test_the_response_is_that_of_a_gel_with_sides_far_better_than_without(fit: FieldFit, real: Regions):
     true, without = (
-        np.einsum('rptu,rt->rpu', each.terms_of_patches(np.arange(each.count)), nominal()).reshape(2 * SIDE**2, -1)
+        np.einsum('rptu,rt->rpu', each.terms_of_patches(known), nominal()).reshape(2 * SIDE**2, -1)
         for each in (real, regions())
     )
     assert np.linalg.norm(fit.readout.response - true) < 0.1 * np.linalg.norm(without - true)
-
-
-def test_tips_are_told_what_the_sides_add(fit: FieldFit, real: Regions):
-    terms = real.terms_by_sides(np.arange(real.count))
+    terms = real.terms_by_sides(known)
     assert terms is not None
     assert fit.sides is not None
-    true = np.einsum('rptk,rt->krp', terms, nominal())
-    assert np.linalg.norm(fit.sides.per_n - true) < 0.1 * np.linalg.norm(true)
+    by_sides = np.einsum('rptk,rt->krp', terms, nominal())
+    assert np.linalg.norm(fit.sides.per_n - by_sides) < 0.1 * np.linalg.norm(by_sides)
