@@ -1,8 +1,8 @@
-"""Accuracy on a gel whose sides are free, or held by a frame, with and without them in its description.
+"""Accuracy on a gel whose sides or thickness differ from its description.
 
 Models `field` are calibrated with presses of the tip on that gel, or follow from its description alone. They estimate
 tips at random places, and contacts of ten families by the chain of a live launch. The simulated motion is that of a
-gel without sides, and what finer finite elements say that the sides add.
+gel without sides, and what finer finite elements say that the sides add: these are free, or held by a frame.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,33 +28,47 @@ SEED, PER_FAMILY, PRESSES, TIPS = 303, 2, 40, 100
 TIPS_SEED = 3030
 SIDES = 'free', 'held'
 IGNORED = 'ignored'
+THICKNESSES = 0.8, 0.9, 1.1, 1.2
 TIMES, TIMES_MISPLACED = 3.0, 1.5
 ABOUT = """\
-*Described* is `gel.sides` of the description that the model was made from, *presses* their number in its calibration.
+*Described* is `gel.sides` of the description that the model was made from, *thickness* the described thickness over the
+true one, *presses* their number in its calibration.
 Tips: {tips} presses at random places up to 13.5 mm from the middle and 0.25 to 1.15 mm deep; force error (root mean
 square, median) and median place error. Contacts: {frames} of ten families (seed {seed}), columns as in
-[contacts.md](contacts.md). The first rows are a gel that goes on beyond its sides, for comparison."""
+[contacts.md](contacts.md). The first rows are a gel as described that goes on beyond its sides, for comparison."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A gel, its description, and the presses of the calibration."""
+
+    sides: str
+    described: str
+    thickness: float
+    presses: int
 
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
     """Measure every gel with every description."""
+    few = arguments.presses
     rows = [
-        (sides, described, presses)
+        Row(sides, described, 1.0, presses)
         for sides in (IGNORED, *SIDES)
         for described in dict.fromkeys((IGNORED, sides))
-        for presses in (arguments.presses, 0)
+        for presses in (few, 0)
     ]
+    rows += [Row(IGNORED, IGNORED, thickness, few) for thickness in THICKNESSES]
     found = [
-        {'sides': sides, 'described': described, 'presses': presses}
-        | run.part(f'{sides}, {described}, {presses}', partial(_measured, sides, described, presses, arguments, run))
-        for sides, described, presses in rows
+        asdict(row)
+        | run.part(
+            f'{row.sides}, {row.described}, {row.thickness:g}, {row.presses}', partial(_measured, row, arguments, run)
+        )
+        for row in rows
     ]
     return {'seed': arguments.seed, 'each': arguments.each, 'tips': arguments.tips, 'rows': found}
 
 
-def _measured(sides: str, described: str, presses: int, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
-    from dataclasses import replace
-
+def _measured(row: Row, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
     from benchmarks.contacts.cases import solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.models import calibrated
@@ -62,12 +77,16 @@ def _measured(sides: str, described: str, presses: int, arguments: argparse.Name
     from tactile_nodes.sensors import load_sensor
     from tactile_nodes.simulation.gel import Gel
 
-    gel, sensor = Gel(sides=sides), load_sensor('simulated')
-    sensor = replace(sensor, gel=replace(sensor.gel, sides=described))
+    gel, sensor = Gel(sides=row.sides), load_sensor('simulated')
+    layers, markers = (
+        tuple(row.thickness * each for each in depths) for depths in (sensor.gel.layers_mm, sensor.gel.markers_mm)
+    )
+    described = replace(sensor.gel, sides=row.described, layers_mm=layers, markers_mm=markers)
+    sensor = replace(sensor, gel=described)
     touched = run.made(solved, wanted(Gel(), arguments.seed, arguments.each), 'solving contacts')
     with tempfile.TemporaryDirectory() as folder:
         source = load_model(find_model('field'))
-        file = str(calibrated(source, gel, presses, Path(folder), run.progress, sensor))
+        file = str(calibrated(source, gel, row.presses, Path(folder), run.progress, sensor))
         scores, _ = read({'field': file}, gel, touched, CONDITIONS[0], run.progress)
         return {'tips': _tips(file, gel, arguments.tips, run), 'contacts': summed(scores['field'])}
 
@@ -94,19 +113,21 @@ def _tips(model: str, gel: Gel, count: int, run: Run) -> dict[str, float]:
 def page(result: Mapping[str, Any]) -> str:
     """The page in Markdown."""
     heads = [
-        'sides', 'described', 'presses', 'tips: RMSE [mN]', 'median [mN]', 'place [mm]', 'contacts: misplaced',
+        'sides', 'described', 'thickness', 'presses', 'tips: RMSE [mN]', 'median [mN]', 'place [mm]', 'contacts: misplaced',
         'total rms [N]', 'median', 'centre [mm]', 'shear', 'total covered', 'ok', 'worst while ok',
     ]  # fmt: skip
     rows = [_row(each) for each in result['rows']]
     frames = result['rows'][0]['contacts']['frames']
     about = ABOUT.format(tips=result['tips'], frames=frames, seed=result['seed'])
-    return '\n\n'.join([*opening('Sides of the gel', result, about), table(heads, rows), reached(AIMS, result)])
+    return '\n\n'.join(
+        [*opening('Sides and thickness of the gel', result, about), table(heads, rows), reached(AIMS, result)]
+    )
 
 
 def _row(entry: Mapping[str, Any]) -> list[str]:
     tips, contacts = entry['tips'], entry['contacts']
     return [
-        entry['sides'], entry['described'], str(entry['presses'] or 'none'), f'{1e3 * tips["rmse_n"]:.1f}',
+        entry['sides'], entry['described'], f'{entry["thickness"]:g}', str(entry['presses'] or 'none'), f'{1e3 * tips["rmse_n"]:.1f}',
         f'{1e3 * tips["force_n"]:.1f}', f'{tips["place_mm"]:.3f}', share(contacts['misplaced']),
         f'{contacts["total_rms_n"]:.3f}', share(contacts['total_median']), f'{contacts["centre_mm_median"]:.3f}',
         share(contacts['shear_median']), share(contacts['total_held']), share(contacts['ok']),

@@ -93,7 +93,7 @@ def solved(job: Wanted) -> Case:
             force_mm2=round(force / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
             twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
         )
-        for force in _halved(force_n)
+        for force in _tried(force_n)
     ]  # fmt: skip
     table = _solved(gel, layer, body, ways)
     extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
@@ -113,13 +113,16 @@ def _solved(gel: Gel, layer: Layer, body: Body, ways: list[Way]) -> TouchTable:
         try:
             table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm)
         except ConfigurationError:
-            continue  # too much strain: try half of the force
+            continue  # too much strain, or an edge that hardly touches: try another force
         write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
         return table
     raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')
 
 
-def _halved(force_n: float) -> Iterator[float]:
-    while force_n > LIGHTEST_N / 4:
-        yield force_n
-        force_n /= 2
+def _tried(force_n: float) -> Iterator[float]:
+    """A force, then halves of it, then multiples."""
+    halved = force_n
+    while halved > LIGHTEST_N / 4:
+        yield halved
+        halved /= 2
+    yield from (2 * force_n, 4 * force_n)

@@ -123,7 +123,7 @@ def transfer_alone(
         else 'the model has no readout for tips'
     )
     text = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
-    text += in_words(fit.looks) + fit.deep
+    text += in_words(fit.looks) + fit.told_sides + fit.deep
     return Transfer(
         fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
         fit.curve, fit.gives_px,

@@ -80,7 +80,7 @@ class FieldFit:
     curve: tuple[Point, ...] = ()
     offset_n: tuple[float, float] = (0.0, 0.0)
     left_out: int = 0
-    looks: Float[np.ndarray, ' 6'] = field(default_factory=lambda: np.zeros(len(SCALES)))
+    looks: Float[np.ndarray, ' numbers'] = field(default_factory=lambda: np.zeros(len(SCALES)))
     gives_px: float = 0.0
     sides: BySides | None = None
     found_sides: str = ''
@@ -300,6 +300,8 @@ def _seen(
     for camera, tell in ((STILL, advance), (moving, lambda _: None)):
         sensor = fitted_camera(regions, pressures, scaling, dataset, rows, fold, softer, camera, tell)
         found = regions if sensor == regions.sensor else regions_of(sensor, scaling)
+        if sensor.gel != regions.sensor.gel:
+            pressures = AllPressures(found, pressures.bodies)
         if found is not regions or softer != 1 or len(camera):
             presses = presses_of(found, pressures, scaling, dataset, rows, softer, camera=camera)
         gives_px = presses.gives_px(nominal(found, scaling), moving)
