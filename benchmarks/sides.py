@@ -113,8 +113,8 @@ def _tips(model: str, gel: Gel, count: int, run: Run) -> dict[str, float]:
 def page(result: Mapping[str, Any]) -> str:
     """The page in Markdown."""
     heads = [
-        'sides', 'described', 'thickness', 'presses', 'tips: RMSE [mN]', 'median [mN]', 'place [mm]', 'contacts: misplaced',
-        'total rms [N]', 'median', 'centre [mm]', 'shear', 'total covered', 'ok', 'worst while ok',
+        'sides', 'described', 'thickness', 'presses', 'tips: RMSE [mN]', 'median [mN]', 'place [mm]',
+        'contacts: misplaced', 'total rms [N]', 'median', 'centre [mm]', 'shear', 'total covered', 'ok', 'worst while ok',
     ]  # fmt: skip
     rows = [_row(each) for each in result['rows']]
     frames = result['rows'][0]['contacts']['frames']
@@ -127,7 +127,8 @@ def page(result: Mapping[str, Any]) -> str:
 def _row(entry: Mapping[str, Any]) -> list[str]:
     tips, contacts = entry['tips'], entry['contacts']
     return [
-        entry['sides'], entry['described'], f'{entry["thickness"]:g}', str(entry['presses'] or 'none'), f'{1e3 * tips["rmse_n"]:.1f}',
+        entry['sides'], entry['described'], f'{entry["thickness"]:g}', str(entry['presses'] or 'none'),
+        f'{1e3 * tips["rmse_n"]:.1f}',
         f'{1e3 * tips["force_n"]:.1f}', f'{tips["place_mm"]:.3f}', share(contacts['misplaced']),
         f'{contacts["total_rms_n"]:.3f}', share(contacts['total_median']), f'{contacts["centre_mm_median"]:.3f}',
         share(contacts['shear_median']), share(contacts['total_held']), share(contacts['ok']),
