@@ -114,7 +114,8 @@ def page(result: Mapping[str, Any]) -> str:
     """The page in Markdown."""
     heads = [
         'sides', 'described', 'thickness', 'presses', 'tips: RMSE [mN]', 'median [mN]', 'place [mm]',
-        'contacts: misplaced', 'total rms [N]', 'median', 'centre [mm]', 'shear', 'total covered', 'ok', 'worst while ok',
+        'contacts: misplaced', 'total rms [N]', 'median', 'centre [mm]', 'shear', 'total covered', 'ok',
+        'worst while ok',
     ]  # fmt: skip
     rows = [_row(each) for each in result['rows']]
     frames = result['rows'][0]['contacts']['frames']
