@@ -19,9 +19,7 @@ from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
 from tactile_nodes.exporting.output import FACTS, write_json
 from tactile_nodes.exporting.resampling import PREVIOUS, Episode, Frame, Resampler
 from tactile_nodes.exporting.source import Source
-from tactile_nodes.learning.progress import Progress
-
-_TELL_EVERY = 256
+from tactile_nodes.learning.progress import Bar, Progress
 
 
 @dataclass(frozen=True)
@@ -101,29 +99,20 @@ def _export_bag(
     meta.agree(features, _texts(source, features), source.bag.path)
     writing = _Writing(source, meta, episodes, facts)
     with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
-        count = 0
-        for count, frame in _frames(source, episodes, plan):
-            if frame is not None:
-                writing.take(frame)
-            elif count % _TELL_EVERY == 0:
-                bar.advance(_TELL_EVERY)
+        for frame in _frames(source, episodes, plan, bar):
+            writing.take(frame)
         writing.finish()
-        bar.advance(count % _TELL_EVERY)
     return start, end, _outside(source, episodes)
 
 
-def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tuple[int, Frame | None]]:
-    """Each frame once it is complete, and None after each message; both with the number of messages read."""
+def _frames(source: Source, episodes: list[Episode], plan: Plan, bar: Bar) -> Iterator[Frame]:
+    """Each frame once it is complete."""
     resampler = Resampler(list(source.layouts), episodes, plan.fps, plan.pick)
     horizon = source.horizon(min((each.start_ns for each in episodes), default=0))
-    count = 0
-    for count, stamped in enumerate(source.messages(), 1):
+    for stamped in source.messages(bar):
         row = source.layouts[stamped.topic].row(stamped.message)
-        for frame in resampler.take(stamped.topic, stamped.stamp_ns, horizon.at(stamped.received_ns), row):
-            yield count, frame
-        yield count, None
-    for frame in resampler.finish():
-        yield count, frame
+        yield from resampler.take(stamped.topic, stamped.stamp_ns, horizon.at(stamped.received_ns), row)
+    yield from resampler.finish()
 
 
 class _Writing:

@@ -23,6 +23,7 @@ from tactile_nodes.errors import BagError, ImageError, MessageError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
 from tactile_nodes.exporting.resampling import Horizon
 from tactile_nodes.exporting.units import SIGNS, STATUS
+from tactile_nodes.learning.progress import Bar
 from tactile_nodes.messages import types
 
 NOT_TABLES = {
@@ -38,6 +39,7 @@ NOT_TABLES = {
 }
 """Types that are exported only on request, and why."""
 
+TELL_EVERY = 256
 _FORCES = (FORCE_DISTRIBUTION.type_name, FORCE_FIELD.type_name)
 
 
@@ -146,10 +148,12 @@ class Source:
                 stamps_ns.append(stamp_ns)
         return Horizon(np.array(received_ns, np.int64), np.array(stamps_ns, np.int64))
 
-    def messages(self) -> Iterator[StampedMessage]:
-        """Every readable message of the exported topics, in the order received."""
+    def messages(self, bar: Bar) -> Iterator[StampedMessage]:
+        """Every readable message of the exported topics, in the order received; `bar` counts those that were read."""
         self.provenance, self._digest = Provenance(), hashlib.sha256()
-        for message in self.bag.messages(self.layouts):
+        for count, message in enumerate(self.bag.messages(self.layouts), 1):
+            if count % TELL_EVERY == 0:
+                bar.advance(TELL_EVERY)
             try:
                 decoded = self.bag.decode(message)
             except MessageError:

@@ -11,11 +11,10 @@ import numpy as np
 from tactile_nodes.errors import TactileError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, TEXT, Column, Layout
 from tactile_nodes.exporting.source import Source, StampedMessage
-from tactile_nodes.learning.progress import Bar, Progress
+from tactile_nodes.learning.progress import Progress
 
 BATCH_ROWS = 4096
 IMAGE_ROWS = 16
-_TELL_EVERY = 256
 STAMPS = (Column('stamp_ns', 'int64', (), 'ns'), Column('received_ns', 'int64', (), 'ns'))
 """The first columns of every table: capture (or publication), and when the recorder received it; both since 1970."""
 
@@ -76,27 +75,17 @@ def write_tables(source: Source, open_sink: Callable[[Layout], Sink], facts: dic
     tables = {name: Table(layout, open_sink(layout)) for name, layout in source.layouts.items()}
     try:
         with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
-            rows = _read_all(source, tables, bar)
+            for stamped in source.messages(bar):
+                try:
+                    tables[stamped.topic].take(stamped)
+                except TactileError as error:
+                    raise type(error)(f'{source.bag.path}: {error}') from error
         for table in tables.values():
             table.flush()
     finally:  # also if the output is discarded: files must not stay open
         for table in tables.values():
             table.sink.close({**facts, **source.facts()})
-    return rows
-
-
-def _read_all(source: Source, tables: dict[str, Table], bar: Bar) -> int:
-    rows = 0
-    for stamped in source.messages():
-        try:
-            tables[stamped.topic].take(stamped)
-        except TactileError as error:
-            raise type(error)(f'{source.bag.path}: {error}') from error
-        rows += 1
-        if rows % _TELL_EVERY == 0:
-            bar.advance(_TELL_EVERY)
-    bar.advance(rows % _TELL_EVERY)
-    return rows
+    return source.provenance.rows.total()
 
 
 def _together(column: Column, values: tuple[Any, ...]) -> Any:

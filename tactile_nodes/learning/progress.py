@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol, runtime_checkable
 
 
-@runtime_checkable
-class Bar(Protocol):
-    """One task in progress."""
+class Bar:
+    """One task in progress. `show` gets the number of finished steps, and a text for a line under the bar."""
+
+    def __init__(self, show: Callable[[int, str], None] = lambda *_: None) -> None:
+        self._show = show
 
     def advance(self, steps: int = 1, text: str = '') -> None:
-        """Count finished steps. `text` is shown under the bar."""
-        ...
+        """Count finished steps."""
+        self._show(steps, text)
 
 
 class Progress:
@@ -23,7 +24,7 @@ class Progress:
     def bar(self, title: str, steps: int) -> Iterator[Bar]:
         """A bar that is shown while the block runs."""
         del title, steps
-        yield _Silence()
+        yield Bar()
 
     def say(self, text: str) -> None:
         """Show one line to the user."""
@@ -59,23 +60,10 @@ class TerminalProgress(Progress):
         # The text of a step has its own line: an 80 column terminal has no room for it beside the bar.
         try:
             with Live(Group(rich, below), console=self._console):
-                yield _Shown(show)
+                yield Bar(show)
         finally:
             if not self._console.is_terminal:
                 self._console.print()
 
     def say(self, text: str) -> None:
         self._console.print(text, markup=False, soft_wrap=True)
-
-
-class _Silence:
-    def advance(self, steps: int = 1, text: str = '') -> None:
-        pass
-
-
-class _Shown:
-    def __init__(self, show: Callable[[int, str], None]) -> None:
-        self._show = show
-
-    def advance(self, steps: int = 1, text: str = '') -> None:
-        self._show(steps, text)
