@@ -11,8 +11,8 @@ import numpy as np
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.shapes import Float, Float32, Int
 
-SNAP = 1e-7
-"""A centre within this share of a bin from a border lies on the border: allows for binary rounding of decimals."""
+SNAP = 1e-6
+"""A centre within this share of a bin from a border lies on the border: allows for rounding to 32 bit floats."""
 
 RULE = 'the whole force of a press belongs to the bin of its centre; a centre on a border to the bin towards +x or +y'
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.datasets.split import TEST_SHARE, VALIDATION_SHARE, Split, by_position, by_sample
 from tactile_nodes.sensing.geometry import BinGrid
@@ -143,29 +142,10 @@ class RecordedPresses:
         rows = np.arange(len(self)) if chosen is None else chosen
         depth = np.where(self.contact, np.nan_to_num(self.depth_mm, nan=np.inf), -1.0)
         presses = np.column_stack([self.position_mm, depth, self.force_n])[rows]
-        return _Samples(
+        return Dataset(
             self.features[rows], presses.astype(np.float32), self.confidence_row[rows], self.confidence,
-            self.fingerprint, self.position_mm[rows], self.force_n[rows], hold=self.hold_number[rows],
+            self.fingerprint, hold=self.hold_number[rows],
             indenter=np.array(self.card['indenters'])[self.indenter[rows]],
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Samples(Dataset):
-    """Keeps the positions in full precision, because on some grids they lie on borders of bins."""
-
-    position_mm: Float[np.ndarray, 'samples 2']
-    force_n: Float[np.ndarray, ' samples']
-
-    def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
-        return force_labels(self.position_mm, self.force_n, bins)
-
-    def take(self, rows: Int[np.ndarray, ' chosen']) -> _Samples:
-        return replace(
-            self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
-            position_mm=self.position_mm[rows], force_n=self.force_n[rows],
-            hold=None if self.hold is None else self.hold[rows],
-            indenter=None if self.indenter is None else self.indenter[rows],
         )  # fmt: skip
 
 

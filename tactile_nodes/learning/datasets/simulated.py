@@ -20,6 +20,7 @@ import numpy as np
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import Arrays, make_files
@@ -56,10 +57,7 @@ class Dataset:
 
     def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
         """The paper's labels: the whole force in the bin of the indentation's centre."""
-        labels = np.zeros((len(self.presses), bins.count), np.float32)
-        places = [bins.bin_of(float(x), float(y)) for x, y in self.presses[:, :2]]
-        labels[np.arange(len(labels)), places] = self.presses[:, 3]
-        return labels
+        return force_labels(self.presses[:, :2], self.presses[:, 3], bins)
 
     @property
     def known(self) -> Bool[np.ndarray, ' samples']:
