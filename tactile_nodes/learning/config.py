@@ -246,18 +246,11 @@ def load_train_config(path: Path | str) -> TrainConfig:
         exact=False,
     )
     return TrainConfig(
-        output=Path(blocks.output),
-        readout=blocks.readout,
-        data=blocks.data,
         flow=_choice('flow', 'dis', written, str(path)),
         encoding=_choice('encoding', 'polar_mean', written, str(path)),
         gel=Gel.from_mapping(_under('gel', written), str(path)),
-        network=blocks.network,
-        response=blocks.response,
-        axisymmetric=blocks.axisymmetric,
-        field=blocks.field,
-        training=blocks.training,
         stated=frozenset(written),
+        **{**vars(blocks), 'output': Path(blocks.output)},
     )
 
 

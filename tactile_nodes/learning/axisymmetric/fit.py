@@ -26,7 +26,7 @@ from tactile_nodes.learning.axisymmetric.steps import fit_regions
 from tactile_nodes.learning.config import AxisymmetricConfig
 from tactile_nodes.learning.datasets.enough import require_enough
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.measured.fit import inner_held_out, noise_scaling
+from tactile_nodes.learning.measured.fit import curvature, inner_held_out, noise_scaling
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -181,7 +181,7 @@ def fit_profiles(response: AxisymmetricResponse, presses: Presses, random: np.ra
         square = square + (heavy.T @ heavy).toarray()
         right = right + heavy.T @ (presses.motion[press, region, channel] * weight[press, region, channel])
     size = float(np.trace(square)) / len(square)
-    rough = np.kron(np.eye(shape[0]), _curvature(shape[1:]))
+    rough = np.kron(np.eye(shape[0]), curvature(shape[1:]))
     solved = np.linalg.solve(square + size * (SMOOTHING * rough + 1e-6 * np.eye(len(square))), right)
     return replace(response, profiles=solved.reshape(shape))
 
@@ -221,11 +221,3 @@ def _profile_design(
     starts = np.arange(count + 1) * values.shape[1]
     shape = (count, response.profiles.size)
     return scipy.sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=shape)
-
-
-def _curvature(counts: tuple[int, ...]) -> Float[np.ndarray, 'n n']:
-    """The penalty on second differences along either axis (Eilers and Marx, Statistical Science 11, 1996)."""
-    of = [np.diff(np.eye(count), 2, axis=0) for count in counts]
-    along, across = (each.T @ each for each in of)
-    rough: np.ndarray = np.kron(along, np.eye(counts[1])) + np.kron(np.eye(counts[0]), across)
-    return rough

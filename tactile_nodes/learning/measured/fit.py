@@ -8,6 +8,7 @@ presses give the same readout.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,7 +132,7 @@ class Subspace:
         design = sparse_cubes(self.axes, self.places[chosen])
         still = sparse_cubes(self.axes, _floor_of(self.axes))
         square = (design.T @ design + UNTOUCHED_WEIGHT * (still.T @ still)).toarray()
-        return _Normal(square, design.T @ self.components[chosen], curvature(self.axes))
+        return _Normal(square, design.T @ self.components[chosen], curvature([axis.count for axis in self.axes]))
 
     def misfit(self, chosen: np.ndarray, coefficients: np.ndarray) -> float:
         """RMS of the residuals with these coefficients."""
@@ -281,12 +282,18 @@ def _floor_of(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n 3']:
     return np.stack(np.meshgrid(x, y, [0.0], indexing='ij'), axis=-1).reshape(-1, 3)
 
 
-def curvature(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n n']:
-    """Sum of the squared second differences of the coefficients along each axis, as a quadratic form."""
+def curvature(counts: Sequence[int]) -> Float[np.ndarray, 'n n']:
+    """Sum of the squared second differences of coefficients along each axis, as a quadratic form; see P-splines above.
+
+    `counts` is the number of coefficients along each axis.
+    """
     total = np.zeros(1)
-    for i in range(3):
-        parts = [np.eye(axis.count) for axis in axes]
-        difference = np.diff(parts[i], n=2, axis=0)
-        parts[i] = difference.T @ difference
-        total = total + np.kron(np.kron(parts[0], parts[1]), parts[2])
+    for axis in range(len(counts)):
+        parts = [np.eye(count) for count in counts]
+        difference = np.diff(parts[axis], n=2, axis=0)
+        parts[axis] = difference.T @ difference
+        quadratic: np.ndarray = np.ones((1, 1))
+        for part in parts:
+            quadratic = np.kron(quadratic, part)
+        total = total + quadratic
     return total

@@ -10,7 +10,7 @@ from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.inputs import prepare
 from tactile_nodes.sensing.explain.likeness import Likeness
-from tactile_nodes.sensing.explain.network import InputScaling, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.network import NetworkReadout, TotalSpread
 from tactile_nodes.shapes import Float, Float32, Int
 
 SHARES = np.concatenate([[0.0], np.geomspace(0.1, 30.0, 25)])
@@ -27,22 +27,12 @@ def calibrated(
     judges: Int[np.ndarray, ' judges'],
 ) -> NetworkReadout:
     """The readout with its uncertainty and its novelty limit, both measured on the held-out samples."""
-    judged = _part(dataset, judges)
+    judged = dataset.take(judges)
     inputs = prepare(judged, readout.scaling)
     predicted_n = np.stack([readout.network(each) for each in inputs]).sum(axis=1) * readout.output_scale_n
     spread = fit_spread(predicted_n, predicted_n - judged.presses[:, 3])
-    likeness = fit_likeness(_inputs(dataset, readout.scaling, np.unique(learned)), inputs)
+    likeness = fit_likeness(prepare(dataset.take(np.unique(learned)), readout.scaling), inputs)
     return replace(readout, spread=spread, likeness=likeness)
-
-
-def _part(dataset: Dataset, rows: np.ndarray) -> Dataset:
-    return Dataset(
-        dataset.features[rows], dataset.presses[rows], dataset.rest[rows], dataset.confidence, dataset.fingerprint
-    )
-
-
-def _inputs(dataset: Dataset, scaling: InputScaling, rows: np.ndarray) -> Float32[np.ndarray, 'samples inputs']:
-    return prepare(_part(dataset, rows), scaling)
 
 
 def fit_spread(total_n: Float[np.ndarray, ' n'], error_n: Float[np.ndarray, ' n']) -> TotalSpread:
