@@ -69,7 +69,7 @@ def _numpy(model: Path, exported: Path) -> Answer:
 
 
 def _onnxruntime(model: Path, exported: Path) -> Answer:
-    from tactile_nodes.learning.onnx_files.session import OnnxSession
+    from tactile_nodes.learning.onnx_files.check import OnnxSession
 
     del model
     session = OnnxSession(exported.read_bytes())

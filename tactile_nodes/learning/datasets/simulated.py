@@ -24,6 +24,7 @@ from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import Arrays, make_files
+from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.choice import code_id
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.rest.reference import average
@@ -176,16 +177,11 @@ def _render_block(block: Block) -> Arrays:
     config = block.config
     table = contact_table(config.gel)
     optics = Optics(config.gel, table)
-    flow, encoding = config.make_flow(), config.make_encoding()
-    seeds, rest_seeds = (noise_seeds(config.data.seed, number) for number in (block.number, block.rest_number))
-    frames = config.data.frames_per_rest_image
-    rest = average([cropped(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)])
-    seeds = islice(seeds, frames, None)
-    flow.set_reference(rest)
-    encoding.set_reference(rest)
+    measured = measured_by(block, optics)
+    seeds = islice(noise_seeds(config.data.seed, block.number), config.data.frames_per_rest_image, None)
     features, presses, confidence = [], [], []
     for press in planned_presses(config.data, block.number, block.first, block.presses):
-        encoded = encoding.encode(flow.displacement(cropped(config, optics.render((press,), next(seeds)))))
+        encoded = measured(optics.render((press,), next(seeds)))
         features.append(encoded.values.astype(np.float16))
         confidence.append(encoded.confidence)
         presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
@@ -194,6 +190,16 @@ def _render_block(block: Block) -> Arrays:
         'presses': np.array(presses, np.float32),
         'confidence': np.stack(confidence if _differ(confidence) else confidence[:1]),
     }
+
+
+def measured_by(block: Block, optics: Optics) -> Callable[[np.ndarray], Features]:
+    """Measures camera images against the rest image of a block."""
+    config, flow, encoding = block.config, block.config.make_flow(), block.config.make_encoding()
+    seeds = islice(noise_seeds(config.data.seed, block.rest_number), config.data.frames_per_rest_image)
+    rest = average([_cropped(config, optics.render((), seed)) for seed in seeds])
+    flow.set_reference(rest)
+    encoding.set_reference(rest)
+    return lambda image: encoding.encode(flow.displacement(_cropped(config, image)))
 
 
 def _differ(arrays: list[np.ndarray]) -> bool:
@@ -208,6 +214,6 @@ def noise_seeds(seed: int, block: int) -> Iterator[int]:
         yield number
 
 
-def cropped(config: TrainConfig, image: np.ndarray) -> np.ndarray:
+def _cropped(config: TrainConfig, image: np.ndarray) -> np.ndarray:
     """The middle of a camera image, which is the part that is measured."""
     return centre_crop(image, config.data.crop, config.data.crop)

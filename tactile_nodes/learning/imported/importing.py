@@ -19,8 +19,13 @@ from tactile_nodes.conversions import header
 from tactile_nodes.drivers.camera.contract import Picture
 from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.agreement.known import Known
-from tactile_nodes.learning.agreement.rows import Row, require_seen, require_single
-from tactile_nodes.learning.agreement.stated_presses import StatedPresses, require_agreement
+from tactile_nodes.learning.agreement.stated_presses import (
+    Row,
+    StatedPresses,
+    require_agreement,
+    require_seen,
+    require_single,
+)
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import Frame, RecordedPress

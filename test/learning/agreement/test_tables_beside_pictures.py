@@ -16,7 +16,7 @@ from coarse_table import linear_table
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.objections import description_objection, force_objection, places_objection
-from tactile_nodes.learning.agreement.rows import require_seen
+from tactile_nodes.learning.agreement.stated_presses import require_seen
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.learning.tables.presses import read_table
 from tactile_nodes.sensors import BinSettings, CameraDescription, ImageSettings, PatternDescription, load_sensor

@@ -11,9 +11,8 @@ from responding_gel import NOISE_PX, motion, presses
 
 from tactile_nodes.learning.axisymmetric.regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.datasets.held_presses import simulate_held
 from tactile_nodes.learning.datasets.holds import holds_of, still, still_holds
-from tactile_nodes.learning.datasets.pressed_gels import first_presses
+from tactile_nodes.learning.datasets.pressed_gels import first_presses, simulate_held
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.progress import Progress

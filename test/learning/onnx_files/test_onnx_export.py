@@ -22,9 +22,8 @@ from onnx.reference import ReferenceEvaluator
 from tactile_nodes import model_file
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
-from tactile_nodes.learning.onnx_files.check import compare
+from tactile_nodes.learning.onnx_files.check import OnnxSession, compare
 from tactile_nodes.learning.onnx_files.export import export_onnx, onnx_bytes
-from tactile_nodes.learning.onnx_files.session import OnnxSession
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.transfer.curve import Curve
+from tactile_nodes.learning.calibrating.calibrator import Curve
 
 PRESSES = [5, 10, 20, 40, 80]
 

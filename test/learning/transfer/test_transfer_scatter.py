@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.transfer.scatter import LEAST_SCATTER, Scatter, outwards
+from tactile_nodes.learning.transfer.whole import LEAST_SCATTER, Scatter, outwards
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 
 LATERAL, COLUMNS = 1, 3
