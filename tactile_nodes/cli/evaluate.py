@@ -112,7 +112,7 @@ def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:
 
 
 def _tell(evaluated: Evaluation, table: Path) -> None:
-    from tactile_nodes.learning.evaluation.estimates import write_estimates
+    from tactile_nodes.learning.evaluation.tables import write_estimates
 
     write_estimates(evaluated.answers, table)
     print(f'wrote {table}: estimates of {evaluated.name} for {len(evaluated.answers)} samples')

@@ -68,8 +68,16 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.tasks import on_cluster
-    from tactile_nodes.learning.tuning.profile import files_of, said_of, table_of, write_profile
-    from tactile_nodes.learning.tuning.search import RecordedSource, Wish, candidates, tune
+    from tactile_nodes.learning.tuning.search import (
+        RecordedSource,
+        Wish,
+        candidates,
+        files_of,
+        said_of,
+        table_of,
+        tune,
+        write_profile,
+    )
     from tactile_nodes.paths import check_output
 
     wish = Wish(arguments.max_error, arguments.max_ms, arguments.metric)

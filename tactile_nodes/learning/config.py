@@ -108,7 +108,21 @@ class TrainingConfig:
 
 
 @dataclass(frozen=True)
-class ResponseConfig:
+class TipsConfig:
+    """Which regions count, and how many tips explain a frame."""
+
+    trusted_floor: float = parameter(
+        0.5, 'regions below this confidence in most frames are not used', minimum=0.0, maximum=1.0
+    )
+    confidence_floor: float = parameter(
+        0.1, 'regions below this confidence in a frame are not used for it', minimum=0.0, maximum=1.0
+    )
+    most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
+    contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
+
+
+@dataclass(frozen=True)
+class ResponseConfig(TipsConfig):
     """How finely the response is measured."""
 
     components: int = parameter(48, 'principal components of the features', minimum=3)
@@ -117,19 +131,11 @@ class ResponseConfig:
     smoothing: tuple[float, ...] = parameter(
         (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the curvature penalty; the best one is used'
     )
-    trusted_floor: float = parameter(
-        0.5, 'regions below this confidence in most frames are not used', minimum=0.0, maximum=1.0
-    )
-    confidence_floor: float = parameter(
-        0.1, 'regions below this confidence in a frame are not used for it', minimum=0.0, maximum=1.0
-    )
-    most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
-    contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
     seed: int = parameter(1, 'seed of the presses held out to choose smoothing and uncertainty', minimum=0)
 
 
 @dataclass(frozen=True)
-class AxisymmetricConfig:
+class AxisymmetricConfig(TipsConfig):
     """How the profiles of an axisymmetric response are measured."""
 
     lateral: int = parameter(2, 'profiles of motion away from the press', minimum=1, maximum=4)
@@ -138,14 +144,6 @@ class AxisymmetricConfig:
     turns: int = parameter(10, 'number of alternating fits of regions and profiles', minimum=4)
     presses_per_turn: int = parameter(600, 'presses used in each turn', minimum=50)
     most_presses: int = parameter(3000, 'most presses used in the last turn', minimum=50)
-    trusted_floor: float = parameter(
-        0.5, 'regions below this confidence in most frames are not used', minimum=0.0, maximum=1.0
-    )
-    confidence_floor: float = parameter(
-        0.1, 'regions below this confidence in a frame are not used for it', minimum=0.0, maximum=1.0
-    )
-    most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
-    contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
     seed: int = parameter(1, 'seed of the presses used in each turn, and of those held out', minimum=0)
     other_gels: int = parameter(0, 'simulated gels for the prior of calibration errors', minimum=0)
 

@@ -30,7 +30,7 @@ def test_each_of_several_models_gets_a_table_of_its_own(
     monkeypatch.setattr(evaluate, '_evaluated', evaluated)
     monkeypatch.setattr('tactile_nodes.learning.evaluation.tables.report', lambda _: '')
     monkeypatch.setattr(
-        'tactile_nodes.learning.evaluation.estimates.write_estimates', lambda answers, file: file.write_text(answers[0])
+        'tactile_nodes.learning.evaluation.tables.write_estimates', lambda answers, file: file.write_text(answers[0])
     )
     assert main(['evaluate', *models, '--table', str(tmp_path / 'answers.csv')]) == 0
     assert sorted(each.name for each in tmp_path.iterdir()) == written

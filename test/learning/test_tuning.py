@@ -21,7 +21,6 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import BuildOptions
 from tactile_nodes.learning.training.source import TrainingData
-from tactile_nodes.learning.tuning.profile import said_of, table_of
 from tactile_nodes.learning.tuning.search import (
     IMAGES,
     Candidate,
@@ -30,6 +29,8 @@ from tactile_nodes.learning.tuning.search import (
     Wish,
     candidates,
     chosen_place,
+    said_of,
+    table_of,
     tune,
 )
 from tactile_nodes.learning.tuning.times import cpu_times_ms

@@ -24,9 +24,8 @@ from tactile_nodes.learning.axisymmetric.regions import (
 )
 from tactile_nodes.learning.axisymmetric.steps import fit_regions
 from tactile_nodes.learning.config import AxisymmetricConfig
-from tactile_nodes.learning.datasets.enough import require_enough
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.measured.fit import curvature, inner_held_out, noise_scaling
+from tactile_nodes.learning.measured.fit import curvature, inner_held_out, noise_scaling, require_enough
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout

@@ -15,9 +15,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
-from tactile_nodes.learning.datasets.enough import require_enough
+from tactile_nodes.errors import ConfigurationError, DatasetError, TooFewPressesError
+from tactile_nodes.learning.config import ResponseConfig, TipsConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.measured.calibration import calibrated, most_shift_gain, rescaled
 from tactile_nodes.learning.progress import Progress
@@ -28,6 +27,37 @@ from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.shapes import Bool, Float, Float32
+
+LEAST_UNTOUCHED = 12
+MORE_UNTOUCHED = (
+    'take more of the untouched gel: into the table, or from the same bags (tactile dataset build … '
+    '--without-contact 0.2)'
+)
+
+
+def require_enough(aim: str, untouched: int, presses: int, least_presses: int, or_else: str = '') -> None:
+    """Raise an error if there are too few samples for `aim`. `or_else` names another remedy if presses are missing.
+
+    Raises:
+        TooFewPressesError: names what is missing and how many.
+    """
+    lacking = [
+        (LEAST_UNTOUCHED - untouched, 'images of the untouched gel'),
+        (least_presses - presses, 'presses'),
+    ]  # fmt: skip
+    missing = ' and '.join(f'{count} {name}' for count, name in lacking if count > 0)
+    if missing:
+        mends = [
+            'record more',
+            or_else if presses < least_presses else '',
+            MORE_UNTOUCHED if untouched < LEAST_UNTOUCHED else '',
+        ]
+        raise TooFewPressesError(
+            f'{aim} needs at least {LEAST_UNTOUCHED} images of the untouched gel and {least_presses} presses to train '
+            f'on, but without the test set there are {untouched} and {presses}: {missing} are missing; '
+            + ', or '.join(filter(None, mends))
+        )
+
 
 UNTOUCHED_WEIGHT = 10.0
 CALIBRATION_SHARE = 0.15
@@ -191,7 +221,7 @@ def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.nd
     return shrunk
 
 
-def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig | AxisymmetricConfig) -> InputScaling:
+def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: TipsConfig) -> InputScaling:
     """Features minus their mean over the untouched gel, in units of their noise there, which is at least the median.
 
     Regions without markers are silenced.

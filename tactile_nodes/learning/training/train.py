@@ -13,7 +13,7 @@ import numpy as np
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import TooFewPressesError
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
-from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
+from tactile_nodes.learning.config import TipsConfig, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import pressed_gel
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
@@ -156,7 +156,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
         field_readout, fitted = train_field(dataset, config.field, config.bins, progress)
         seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
         return field_readout, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', 'field': fitted}
-    settings: ResponseConfig | AxisymmetricConfig
+    settings: TipsConfig
     readout: AnyReadout
     if config.readout == 'axisymmetric':
         settings = config.axisymmetric

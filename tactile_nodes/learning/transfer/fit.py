@@ -26,10 +26,9 @@ from tactile_nodes.learning.axisymmetric.regions import (
     views,
 )
 from tactile_nodes.learning.axisymmetric.unsure import with_unsure
-from tactile_nodes.learning.datasets.enough import LEAST_UNTOUCHED
 from tactile_nodes.learning.datasets.holds import still_holds
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.measured.fit import rest_and_gain
+from tactile_nodes.learning.measured.fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.calibration import calibration_of
 from tactile_nodes.learning.transfer.checks import (

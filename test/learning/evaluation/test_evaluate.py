@@ -15,10 +15,9 @@ import pytest
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.evaluation import picture
-from tactile_nodes.learning.evaluation.estimates import write_estimates
 from tactile_nodes.learning.evaluation.evaluate import Evaluation, evaluate, evaluate_put_aside
 from tactile_nodes.learning.evaluation.picture import cell_medians, draw
-from tactile_nodes.learning.evaluation.tables import comparison, report
+from tactile_nodes.learning.evaluation.tables import comparison, report, write_estimates
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import simulated_data
 from tactile_nodes.model_file import save_model
