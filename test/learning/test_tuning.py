@@ -108,7 +108,7 @@ def test_a_data_set_cannot_be_tuned_with() -> None:
 
 
 @dataclass
-class Measured:
+class Measured(SimulatedSource):
     """Features of a gel whose motion is known, the noisier the fewer components a candidate has."""
 
     dataset: Dataset

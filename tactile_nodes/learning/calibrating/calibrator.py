@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ import scipy.optimize
 
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.calibrating.files import require_source, transferred
-from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.field.alone import centre_of, centres
 from tactile_nodes.learning.field.calibration import Pressed
@@ -190,13 +189,8 @@ class Calibrator:
         self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
         self._centre = centres(loaded, pressed or Pressed())
         self._pressed, self._forced, self._curve = pressed, forced, curve
-        flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
-        crop = loaded.image_size
-        options = BuildOptions(
-            flow=flow, encoding=encoding, bins=loaded.model.bins, frames='each', gel=self.gel, crop=crop,
-            without_contact=UNTOUCHED,
-        )  # fmt: skip
-        self._measurer = Measurer(flow, encoding, crop)
+        options = replace(BuildOptions.of_model(loaded, frames='each'), gel=self.gel, without_contact=UNTOUCHED)
+        self._measurer = Measurer(options.flow, options.encoding, options.crop)
         self._builder = Builder(options, self._measurer)
         self._rest: PictureComparison | None = None
         self._rests: set[str] = set()

@@ -72,8 +72,6 @@ class BagPresses:
 
     def _presses(self, tell: Tell) -> Iterator[tuple[int, RecordedPress]]:
         for number, bag in enumerate(self._opened):
-            for warning in bag.clocks.warnings:
-                tell(f'{bag.path}: {warning}; its stamps are used as they are')
             for press in bag.presses():
                 yield number, press
             for problem in bag.problems:  # some show only while the bag is read

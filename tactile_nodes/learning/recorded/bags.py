@@ -322,7 +322,7 @@ def open_bags(
     namespace: str | None = None,
     reference: str | None = None,
 ) -> list[CollectionBag]:
-    """The bags with presses; the stack closes them. Those without are named by `tell` and left out.
+    """The bags with presses; the stack closes them. `tell` names those without, and clocks that cannot be compared.
 
     A run that ended before its rig was ready leaves such a bag beside those of the runs that pressed.
 
@@ -340,4 +340,7 @@ def open_bags(
         raise without[0]
     for each in without:
         tell(f'left out: {each}')
+    for bag in opened:
+        for warning in bag.clocks.warnings:
+            tell(f'{bag.path}: {warning}; its stamps are used as they are')
     return opened

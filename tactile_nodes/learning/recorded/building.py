@@ -92,9 +92,6 @@ def build(
     progress = progress or Progress()
     with ExitStack() as stack:
         opened = open_bags(bags, stack, progress.say, options.namespace, options.reference_clock)
-        for bag in opened:
-            for warning in bag.clocks.warnings:
-                progress.say(f'{bag.path}: {warning}; its stamps are used as they are')
         measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
         bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
         builder, gels = Builder(options, measurer, bar), Gels(progress)

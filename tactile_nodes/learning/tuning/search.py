@@ -13,7 +13,7 @@ from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import yaml
@@ -148,16 +148,6 @@ class Tuned:
         return self.front[place - 1] if place else None
 
 
-class Source(Protocol):
-    """A source of presses and images."""
-
-    def data(self, candidate: Candidate, progress: Progress) -> TrainingData: ...
-
-    def images(self) -> list[UInt8[np.ndarray, 'h w']]:
-        """A rest image, followed by images of presses."""
-        ...
-
-
 class SimulatedSource:
     """Presses that a training run's configuration simulates."""
 
@@ -173,6 +163,7 @@ class SimulatedSource:
         return training_data(candidate.of(self._base), progress)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
+        """A rest image, followed by images of presses."""
         gel = self._base.gel
         optics = Optics(gel, contact_table(gel))
         places = np.random.default_rng(1).uniform((-13.0, -13.0, 0.25), (13.0, 13.0, 2.0), (IMAGES, 3)).tolist()
@@ -216,6 +207,9 @@ class RecordedSource:
                 for press in bag.presses():
                     if press.reference is not None and press.frames:
                         yield press
+
+
+Source = SimulatedSource | RecordedSource
 
 
 def tune(
