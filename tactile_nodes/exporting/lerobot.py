@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
 from tactile_nodes.exporting.episodes import BAG, Limit, count_outside, find_end, find_episodes, find_start
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
-from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
+from tactile_nodes.exporting.lerobot_files import Meta
 from tactile_nodes.exporting.output import FACTS, write_json
 from tactile_nodes.exporting.resampling import PREVIOUS, Episode, Frame, Resampler
 from tactile_nodes.exporting.source import Source
@@ -97,11 +98,14 @@ def _export_bag(
     end = find_end(source)
     episodes = find_episodes(source, plan.cut, plan.exclude, start, end)
     meta.agree(features, _texts(source, features), source.bag.path)
-    writing = _Writing(source, meta, episodes, facts)
     with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
-        for frame in _frames(source, episodes, plan, bar):
-            writing.take(frame)
-        writing.finish()
+        for number, frames in groupby(_frames(source, episodes, plan, bar), lambda frame: frame.episode):
+            file = meta.open_episode()
+            for frame in frames:
+                values = {feature.key: _value(feature, frame) for feature in meta.features}
+                file.take(frame.number, frame.stamp_ns, values)
+            details = {'bag': source.bag.path.resolve().name, **episodes[number].details}
+            meta.close_episode(file, details, {**facts, **source.facts()})
     return start, end, _outside(source, episodes)
 
 
@@ -113,32 +117,6 @@ def _frames(source: Source, episodes: list[Episode], plan: Plan, bar: Bar) -> It
         row = source.layouts[stamped.topic].row(stamped.message)
         yield from resampler.take(stamped.topic, stamped.stamp_ns, horizon.at(stamped.received_ns), row)
     yield from resampler.finish()
-
-
-class _Writing:
-    """Writes the frames of one bag into the files of its episodes."""
-
-    def __init__(self, source: Source, meta: Meta, episodes: list[Episode], facts: dict[str, Any]) -> None:
-        self._source, self._meta, self._episodes, self._facts = source, meta, episodes, facts
-        self._open: EpisodeFile | None = None
-        self._number = -1
-
-    def take(self, frame: Frame) -> None:
-        """Add one frame; the first of an episode opens its file."""
-        if frame.episode != self._number:
-            self.finish()
-            self._number = frame.episode
-            self._open = self._meta.open_episode()
-        assert self._open is not None
-        values = {feature.key: _value(feature, frame) for feature in self._meta.features}
-        self._open.take(frame.number, frame.stamp_ns, values)
-
-    def finish(self) -> None:
-        """Close the file of the current episode."""
-        if self._open is not None:
-            details = {'bag': self._source.bag.path.resolve().name, **self._episodes[self._number].details}
-            self._meta.close_episode(self._open, details, {**self._facts, **self._source.facts()})
-            self._open = None
 
 
 def _value(feature: Feature, frame: Frame) -> Any:

@@ -26,21 +26,18 @@ class ForceSamples:
     """Samples since the last press: original stamps, corrected stamps, and the sensor's force along its z axis."""
 
     def __init__(self) -> None:
-        self._uncorrected_ns: list[int] = []
-        self._stamp_ns: list[int] = []
-        self._force_n: list[float] = []
+        self._samples: list[tuple[int, int, float]] = []
 
     def take(self, uncorrected_ns: int, corrected_ns: int, force_n: float) -> None:
         """Take one sample."""
-        self._uncorrected_ns.append(uncorrected_ns)
-        self._stamp_ns.append(corrected_ns)
-        self._force_n.append(force_n)
+        self._samples.append((uncorrected_ns, corrected_ns, force_n))
 
     def renewed(self, press: types.Press) -> types.Press:
         """The press with the force of its window by corrected stamps; NaN if the force cannot be known."""
         start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
-        force, stamps = np.array(self._force_n), np.array(self._stamp_ns, np.int64)
-        as_stamped = _within(np.array(self._uncorrected_ns, np.int64), start_ns, end_ns)
+        samples = np.array(self._samples, [('uncorrected_ns', np.int64), ('stamp_ns', np.int64), ('force_n', float)])
+        force, stamps = samples['force_n'], samples['stamp_ns']
+        as_stamped = _within(samples['uncorrected_ns'], start_ns, end_ns)
         inside = _within(stamps, start_ns, end_ns)
         sign = _sign(press, float(force[as_stamped].mean())) if as_stamped.any() else 0
         if not sign or not inside.any():
@@ -51,14 +48,7 @@ class ForceSamples:
 
     def forget(self, end_ns: int) -> None:
         """Drop samples older than a window's end by both stamps."""
-        kept = [
-            each
-            for each in zip(self._uncorrected_ns, self._stamp_ns, self._force_n, strict=True)
-            if max(each[0], each[1]) > end_ns - NS_PER_S
-        ]
-        self._uncorrected_ns = [uncorrected for uncorrected, _, _ in kept]
-        self._stamp_ns = [stamp for _, stamp, _ in kept]
-        self._force_n = [force for _, _, force in kept]
+        self._samples = [each for each in self._samples if max(each[:2]) > end_ns - NS_PER_S]
 
 
 def _within(stamps: np.ndarray, start_ns: int, end_ns: int) -> np.ndarray:
