@@ -115,13 +115,13 @@ class Estimating:
         found = self.now.explain(features)
         predict_s = (perf_ns() - start_ns) * 1e-9
         self._acting = found.acting
-        judged = judge_force(self._memory, self.now, features, found, least_confidence)
+        verdict, touching = judge_force(self._memory, self.now, features, found, least_confidence)
         stages = replace(  # type: ignore[type-var]
             features.stages, predict=predict_s, transport=features.stages.transport + age_s
         )
         head = types.Header(stamp=features.header.stamp, frame_id=frame_id)
         bins, provenance = self.now.loaded.model.bins, self._provenance_of(features.reference_id)
-        return tell_force(found, judged, bins, head=head, provenance=provenance, stages=stages)
+        return tell_force(found, verdict, touching, bins, head=head, provenance=provenance, stages=stages)
 
     @property
     def calibration(self) -> ByStamp[int]:

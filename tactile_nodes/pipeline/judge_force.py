@@ -61,23 +61,18 @@ class Judged:
     reasons: int
 
 
-@dataclass(frozen=True)
-class JudgedForce:
-    """The verdict, and the contacts to report: none while nothing touches."""
-
-    verdict: Judged
-    touching: tuple[Contact, ...]
-
-
 def judge_force(
     memory: ForceMemory, ready: Ready, features: types.FlowFeatures, found: ForceMap, least_confidence: float
-) -> JudgedForce:
-    """Judge the force that a model found; seeing a smaller share of regions than `least_confidence` is a reason."""
+) -> tuple[Judged, tuple[Contact, ...]]:
+    """Judge the force that a model found; seeing a smaller share of regions than `least_confidence` is a reason.
+
+    Returns the verdict, and the contacts to report: none while nothing touches.
+    """
     reasons = int(features.reasons | ready.reasons | _reasons(ready, features, found, least_confidence))
     touching, begun_n = _contact(memory, found, reasons)
     reasons |= memory.calibration.at(stamp_ns(features.header.stamp))
     verdict = judged(found, reasons, begun_n, unsure_of=ready.unsure_of)
-    return JudgedForce(verdict, _touching(memory, found) if touching else ())
+    return verdict, _touching(memory, found) if touching else ()
 
 
 def _reasons(ready: Ready, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:

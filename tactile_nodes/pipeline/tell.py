@@ -7,8 +7,9 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.frame import Frame
-from tactile_nodes.pipeline.judge_force import JudgedForce
+from tactile_nodes.pipeline.judge_force import Judged
 from tactile_nodes.sensing.explain.model import ForceMap
+from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.features import FeatureEncoding, Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.picture.motion import PictureMotion
@@ -41,7 +42,8 @@ def tell(
 
 def tell_force(
     found: ForceMap,
-    judged: JudgedForce,
+    verdict: Judged,
+    touching: tuple[Contact, ...],
     bins: BinGrid,
     *,
     head: types.Header,
@@ -49,9 +51,8 @@ def tell_force(
     stages: types.StageTimes,
 ) -> types.ForceDistribution:
     """The message of a force that a model found, with its verdict."""
-    verdict = judged.verdict
     fields = conversions.force_fields(
-        found.normal_force_n, bins, judged.touching,
+        found.normal_force_n, bins, touching,
         total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, acting=found.acting,
     )  # fmt: skip
     return types.ForceDistribution(

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
 from dots import picture, press
 
 PACKAGE = f'{Path(tactile_nodes.__file__).parent}/'
-CARRIED = {'Frame', 'FlowFeatures', 'Features', 'DisplacementField', 'ForceMap', 'JudgedForce'}
+CARRIED = {'Frame', 'FlowFeatures', 'Features', 'DisplacementField', 'ForceMap', 'Judged'}
 """What a picture becomes on its way; a file is entered when a function of it is handed one."""
 BESIDE = ('conversions.py', 'messages/')
 

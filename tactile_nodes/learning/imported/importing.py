@@ -98,11 +98,11 @@ def import_presses(
     ):
         builder, size, gels = Builder(options, measurer, bar), known.size, Gels(progress)
         for number, source in enumerate(sources):
-            taken = _taken(builder, number, source, size)
+            card, rest_motion, known_rows = _taken(builder, number, source, size)
             gels.see(source.table.file, measurer)
-            entries.append(taken.card)
-            rests.append(taken.rest_motion)
-            rows += taken.rows
+            entries.append(card)
+            rests.append(rest_motion)
+            rows += known_rows
         _tell_cut(size.size, measurer.size, known.sensor, progress)
     require_single(rows, progress, forced=forced)
     presses = builder.recordings(entries, [source.table.file for source in sources], command=command)
@@ -201,14 +201,6 @@ class _Press(NamedTuple):
     before: list[TablePress]
     untouched: list[TablePress]
 
-    @classmethod
-    def of(cls, parts: Sequence[_Part]) -> list[_Press]:
-        return [
-            cls(rows, part.rests, part.rests[number :: len(part.presses)])
-            for part in parts
-            for number, rows in enumerate(part.presses)
-        ]
-
 
 def _rest_image(parts: Sequence[_Part], picture_of: Mapping[int, Picture]) -> Picture:
     """The mean of the longest series of rest images, or of all if that is short: the camera may move between two."""
@@ -223,16 +215,13 @@ def _repeated(rows: Sequence[TablePress]) -> int:
     return len(held) - len(set(held))
 
 
-class _Taken(NamedTuple):
-    """The card's entry of a table, the motion in its images of the untouched gel, and the ids of its images."""
+def _taken(
+    builder: Builder, bag: int, source: Imported, size: OneSize
+) -> tuple[dict[str, Any], Float32[np.ndarray, 'rests rows cols 2'], list[Row]]:
+    """Give a table's presses to a builder.
 
-    card: dict[str, Any]
-    rest_motion: Float32[np.ndarray, 'rests rows cols 2']
-    rows: list[Row]
-
-
-def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Taken:
-    """Give a table's presses to a builder."""
+    Returns the card's entry of the table, the motion in its images of the untouched gel, and its rows.
+    """
     table, faults, measurer = source.table, source.table.faults, builder.measurer
     pressed: list[str] = []
     rested = list(_checked(source, [row for row in table.rows if not row.touches], size, faults))
@@ -251,7 +240,11 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
             measurer.look_before([picture_of[row.line] for row in part.rests])
             moved |= {row.line: measurer.measure([picture_of[row.line]]).values for row in part.rests}
     faults.require_none()
-    presses = _Press.of(parts)
+    presses = [
+        _Press(rows, part.rests, part.rests[number :: len(part.presses)])
+        for part in parts
+        for number, rows in enumerate(part.presses)
+    ]
     at_rest = {line: Frame(reference.stamp_ns, picture) for line, picture in picture_of.items()}
     number_of = {row.line: number for number, press in enumerate(presses) for row in press.rows}
     pictures = _checked(source, [row for press in presses for row in press.rows], size, faults)
@@ -271,7 +264,7 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
         'columns': table.description, 'pictures': pressed,
     }  # fmt: skip
     motion = np.stack([moved[line] for line in picture_of]).astype(np.float32)
-    return _Taken(card, as_motion(measurer.encoding.name, motion), known)
+    return card, as_motion(measurer.encoding.name, motion), known
 
 
 def _checked(
