@@ -13,7 +13,7 @@ from tactile_nodes.cli.running.session import positive_float, positive_int
 if TYPE_CHECKING:
     from tactile_nodes.learning.field.body import KnownBody
     from tactile_nodes.learning.guided.guide import Person, Picture
-    from tactile_nodes.learning.guided.targets import Done, Target
+    from tactile_nodes.learning.guided.targets import Target
     from tactile_nodes.sensors import Sensor
 
 DESCRIPTION = (
@@ -162,7 +162,7 @@ class TerminalPerson:
     def leave_untouched(self) -> None:
         print('do not touch the gel …')
 
-    def press(self, target: Target, picture: Picture, done: list[Done]) -> None:
+    def press(self, target: Target, picture: Picture, done: list[Target]) -> None:
         from tactile_nodes.drivers.camera.pictures import write_png
         from tactile_nodes.learning.guided.drawing import marked, sketch
         from tactile_nodes.learning.guided.targets import digits

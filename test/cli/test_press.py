@@ -26,7 +26,7 @@ from tactile_nodes.learning.guided.drawing import marked, sketch
 from tactile_nodes.learning.guided.folder import PressFolder
 from tactile_nodes.learning.guided.guide import NO_PLACE, RESTS, UNUSABLE, Guide
 from tactile_nodes.learning.guided.simulated import AWAY, SimulatedPerson
-from tactile_nodes.learning.guided.targets import Done, Target, Wish
+from tactile_nodes.learning.guided.targets import Target, Wish
 from tactile_nodes.learning.guided.watching import HELD, MOVING, STEADY, UNTOUCHED, Watch
 from tactile_nodes.learning.tables.presses import read_table
 from tactile_nodes.model_file import load_model
@@ -47,7 +47,7 @@ class Aside(SimulatedPerson):
         super().__init__(Sensor(), NEWTON_PER_GRAM, lines.append, world='aside')
         self.places = [(0.0, 0.0), (10.0, 0.0)]
 
-    def press(self, target: Target, picture: np.ndarray, done: list[Done]) -> None:
+    def press(self, target: Target, picture: np.ndarray, done: list[Target]) -> None:
         super().press(Target(10.0, 0.0, target.force_n), picture, done)
 
     def say(self, text: str) -> None:
@@ -376,7 +376,7 @@ def test_a_force_in_millinewtons_is_asked_for_in_digits(tmp_path: Path, capsys: 
 
 def test_a_mark_in_the_picture_is_where_the_description_says() -> None:
     # The pupil is 23 mm below the middle of the gel, so that this is seen in the middle of the picture.
-    drawn = marked(np.zeros((480, 640), np.uint8), Sensor(), Target(0.0, 0.0, 0.2), [Done(-5.0, 0.0, 0.2)])
+    drawn = marked(np.zeros((480, 640), np.uint8), Sensor(), Target(0.0, 0.0, 0.2), [Target(-5.0, 0.0, 0.2)])
     red = np.argwhere((drawn == (0, 0, 255)).all(axis=2)).mean(axis=0)
     green = np.argwhere((drawn == (0, 200, 0)).all(axis=2)).mean(axis=0)
     assert red == pytest.approx([239.5, 319.5], abs=1.0)
@@ -384,7 +384,7 @@ def test_a_mark_in_the_picture_is_where_the_description_says() -> None:
 
 
 def test_a_sketch_has_y_downwards_as_the_picture_has() -> None:
-    lines = sketch(SIDES, Target(-16.0, 16.0, 0.2), [Done(16.0, -16.0, 0.2)])
+    lines = sketch(SIDES, Target(-16.0, 16.0, 0.2), [Target(16.0, -16.0, 0.2)])
     assert lines[-1].startswith('X') and lines[0].endswith('o')
 
 

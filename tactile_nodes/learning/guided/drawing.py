@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from tactile_nodes.learning.guided.targets import Done, Target
+from tactile_nodes.learning.guided.targets import Target
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import UInt8
@@ -18,7 +18,7 @@ COLUMNS = 41
 
 
 def marked(
-    picture: UInt8[np.ndarray, 'h w'], sensor: Sensor, target: Target, done: Sequence[Done]
+    picture: UInt8[np.ndarray, 'h w'], sensor: Sensor, target: Target, done: Sequence[Target]
 ) -> UInt8[np.ndarray, 'h w 3']:
     """The image with a cross at the next place, and a dot for each finished press."""
     image = sensor.image
@@ -34,7 +34,7 @@ def marked(
     return drawn
 
 
-def sketch(sides_mm: tuple[float, float], target: Target, done: Sequence[Done]) -> list[str]:
+def sketch(sides_mm: tuple[float, float], target: Target, done: Sequence[Target]) -> list[str]:
     """The gel as in the image, y down: X next, o pressed, + centre; a character is twice as high as wide."""
     width, height = sides_mm
     rows = max(3, round(COLUMNS * height / width / 2) | 1)

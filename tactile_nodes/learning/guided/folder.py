@@ -16,7 +16,7 @@ import numpy as np
 from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.files import TEXT_BYTES, read_plain
-from tactile_nodes.learning.guided.targets import Done
+from tactile_nodes.learning.guided.targets import Target
 from tactile_nodes.learning.tables.columns import NEWTONS
 from tactile_nodes.learning.tables.presses import TablePress, read_table, require_possible
 from tactile_nodes.paths import flush
@@ -81,10 +81,12 @@ class PressFolder:
             )
 
     @property
-    def done(self) -> list[Done]:
+    def done(self) -> list[Target]:
         """The finished presses with this indenter."""
         return [
-            Done(row.x_mm, row.y_mm, row.force_n) for row in self.rows if row.touches and row.indenter == self._indenter
+            Target(row.x_mm, row.y_mm, row.force_n)
+            for row in self.rows
+            if row.touches and row.indenter == self._indenter
         ]
 
     def rests(self, most: int) -> list[UInt8[np.ndarray, 'h w']]:

@@ -12,7 +12,7 @@ import numpy as np
 from tactile_nodes.drivers.camera.contract import Camera, Frame
 from tactile_nodes.errors import DatasetError, DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.learning.guided.folder import PressFolder
-from tactile_nodes.learning.guided.targets import Done, Target, Wish, digits
+from tactile_nodes.learning.guided.targets import Target, Wish, digits
 from tactile_nodes.learning.guided.watching import HELD, STEADY, UNTOUCHED, Watch
 from tactile_nodes.sensing.geometry import grey
 from tactile_nodes.sensing.picture.change import PictureComparison
@@ -46,7 +46,7 @@ class Person(Protocol):
         """Ask the person not to touch the gel."""
         ...
 
-    def press(self, target: Target, picture: Picture, done: list[Done]) -> None:
+    def press(self, target: Target, picture: Picture, done: list[Target]) -> None:
         """Announce the next press."""
         ...
 

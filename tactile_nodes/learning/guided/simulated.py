@@ -11,7 +11,7 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.guided.guide import Picture
-from tactile_nodes.learning.guided.targets import Done, Target
+from tactile_nodes.learning.guided.targets import Target
 from tactile_nodes.learning.guided.watching import UNTOUCHED
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.simulation import worlds
@@ -90,7 +90,7 @@ class SimulatedPerson:
     def leave_untouched(self) -> None:
         self._now = AWAY
 
-    def press(self, target: Target, picture: Picture, done: list[Done]) -> None:  # noqa: ARG002
+    def press(self, target: Target, picture: Picture, done: list[Target]) -> None:  # noqa: ARG002
         force_n = target.force_n * float(self._random.uniform(1 - UNSTEADY, 1 + UNSTEADY))
         self._now = self._held = Press(target.x_mm, target.y_mm, self._table.depth_at(force_n))
         self._tell(f'pressing at x {target.x_mm:g}, y {target.y_mm:g} mm')

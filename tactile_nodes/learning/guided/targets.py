@@ -32,15 +32,7 @@ LINEAR_SHARES = 0.5, 0.7, 0.85
 
 
 class Target(NamedTuple):
-    """Where to press, mm from the centre of the gel, and how hard, N."""
-
-    x_mm: float
-    y_mm: float
-    force_n: float
-
-
-class Done(NamedTuple):
-    """A finished press; NaN if the place is unknown."""
+    """Where to press, mm from the centre of the gel, and how hard, N; or where was pressed, NaN if that is unknown."""
 
     x_mm: float
     y_mm: float
@@ -55,7 +47,7 @@ class Wish:
     forces_n: tuple[float, ...]
     sensor: Sensor
 
-    def next(self, done: Sequence[Done], skipped: Sequence[Target] = ()) -> Target | None:
+    def next(self, done: Sequence[Target], skipped: Sequence[Target] = ()) -> Target | None:
         """The place farthest from all presses and skipped places, with the force that was used least.
 
         None if no press is missing.
@@ -88,7 +80,7 @@ class Wish:
             )
         return np.asarray(places[np.argsort(np.hypot(*places.T), kind='stable')])
 
-    def counts(self, done: Sequence[Done]) -> list[int]:
+    def counts(self, done: Sequence[Target]) -> list[int]:
         """The number of presses for each force; a press counts for the nearest one only."""
         nearest = [min(self.forces_n, key=lambda force: abs(each.force_n - force)) for each in done]
         near = [
@@ -96,7 +88,7 @@ class Wish:
         ]
         return [near.count(force) for force in self.forces_n]
 
-    def gap_mm(self, done: Sequence[Done]) -> float:
+    def gap_mm(self, done: Sequence[Target]) -> float:
         """The largest distance from a place to its nearest press."""
         return float(distances(self.places, done).max())
 
@@ -115,7 +107,7 @@ def digits(value: float, count: int = 3) -> str:
     return f'{float(f"{value:.{count}g}"):g}'
 
 
-def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done | Target]) -> Float[np.ndarray, ' places']:
+def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Target]) -> Float[np.ndarray, ' places']:
     """The distance of each place to the nearest press; without presses the centre counts as farthest."""
     known = np.array([each[:2] for each in done if np.isfinite(each[:2]).all()]).reshape(-1, 2)
     if not len(known):

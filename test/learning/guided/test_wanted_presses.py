@@ -11,7 +11,7 @@ import pytest
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.guided.targets import Done, Target, Wish
+from tactile_nodes.learning.guided.targets import Target, Wish
 from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.writing import text_of
@@ -28,11 +28,11 @@ def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None
     wish = Wish(5, (0.2, 0.5), MEMBRANE)
     assert wish.next([]) == Target(0.0, 0.0, 0.2)
     # 0.8 of 12.5 and 9.5 mm may be pressed, in steps of 0.5 mm: the corners are farthest from the middle.
-    second = wish.next([Done(0.0, 0.0, 0.21)])
+    second = wish.next([Target(0.0, 0.0, 0.21)])
     assert second is not None
     assert (abs(second.x_mm), abs(second.y_mm), second.force_n) == (10.0, 7.5, 0.5)
-    assert wish.next([Done(0.0, 0.0, 0.2)] * 5) is None
-    assert wish.gap_mm([Done(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(10, 7.5))
+    assert wish.next([Target(0.0, 0.0, 0.2)] * 5) is None
+    assert wish.gap_mm([Target(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(10, 7.5))
 
 
 def test_after_a_skipped_place_another_one_comes_with_the_same_force() -> None:
@@ -51,7 +51,7 @@ def test_after_a_skipped_place_another_one_comes_with_the_same_force() -> None:
 
 def test_a_press_counts_for_the_nearest_force_only() -> None:
     wish = Wish(9, (0.25, 0.35, 0.42), MEMBRANE)  # a quarter of 0.42 is more than the way to 0.35
-    done = [Done(0.0, 0.0, force_n) for force_n in (0.26, 0.38, 0.40, 1.0)]
+    done = [Target(0.0, 0.0, force_n) for force_n in (0.26, 0.38, 0.40, 1.0)]
     assert wish.counts(done) == [1, 1, 1]
 
 
