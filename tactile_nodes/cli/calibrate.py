@@ -220,7 +220,4 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
                 with progress.bar('reading presses', presses.count) as bar:
                     take_presses(calibrator, presses, lambda text: bar.advance(1, text), along=False)
             finish(calibrator, presses, progress.say, command)
-        return write_calibration(
-            source, calibrator, arguments.output, begun_ns=begun_ns, command=command, progress=progress,
-            pressed=pressed, forced=arguments.force, curve=curve,
-        )  # fmt: skip
+        return write_calibration(source, calibrator, arguments.output, begun_ns=begun_ns, command=command)

@@ -186,9 +186,9 @@ class Calibrator:
         curve: bool = False,
     ) -> None:
         require_source(loaded, str(gel['id']))
-        self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
+        self.loaded, self.gel, self.rule, self.progress = loaded, dict(gel), rule or StopRule(), progress
         self._centre = centres(loaded, pressed or Pressed())
-        self._pressed, self._forced, self._curve = pressed, forced, curve
+        self.pressed, self.forced, self.curve = pressed, forced, curve
         options = replace(BuildOptions.of_model(loaded, frames='each'), gel=self.gel, without_contact=UNTOUCHED)
         self._measurer = Measurer(options.flow, options.encoding, options.crop)
         self._builder = Builder(options, self._measurer)
@@ -270,7 +270,7 @@ class Calibrator:
             attempts = _attempts(self.recordings)
             if self.calibration is None or attempts != self._fitted:
                 self.calibration = transferred(
-                    self.loaded, self.recordings, self._progress, self._pressed, forced=self._forced, curve=self._curve
+                    self.loaded, self.recordings, self.progress, self.pressed, forced=self.forced, curve=self.curve
                 )
                 self.objection = ''
                 after, self._fitted = self.calibration.after, attempts

@@ -14,8 +14,6 @@ from tactile_nodes.clock import NS_PER_S, perf_ns
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.calibrating.calibrator import Calibrator, PressRead, Reading, curves
 from tactile_nodes.learning.calibrating.files import Source, completed, write
-from tactile_nodes.learning.field.calibration import Pressed
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import RecordedPress, open_bags
 from tactile_nodes.learning.recorded.building import card_entry
 from tactile_nodes.learning.transfer.fit import Transfer
@@ -141,10 +139,6 @@ def write_calibration(
     *,
     begun_ns: int,
     command: str,
-    progress: Progress | None = None,
-    pressed: Pressed | None = None,
-    forced: bool = False,
-    curve: bool = False,
     replaces: Mapping[str, str] | None = None,
 ) -> tuple[str, Transfer]:
     """Write the calibration that was begun at a time of `perf_ns` as a model file; its id, and what was written.
@@ -156,7 +150,10 @@ def write_calibration(
     assert calibration is not None
     assert recordings is not None
     seconds = round((perf_ns() - begun_ns) / NS_PER_S, 1)
-    source, calibration = completed(source, recordings, calibration, progress, pressed, forced=forced, curve=curve)
+    source, calibration = completed(
+        source, recordings, calibration, calibrator.progress, calibrator.pressed,
+        forced=calibrator.forced, curve=calibrator.curve,
+    )  # fmt: skip
     model_id = write(source, recordings, calibration, output, seconds=seconds, command=command, replaces=replaces)
     return model_id, calibration
 

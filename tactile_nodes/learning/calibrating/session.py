@@ -62,8 +62,8 @@ class CalibrationSession:
         self._settings, self._tell, self.ended = settings, tell, False
         self._source = Source.find(settings.model)
         check_output(self._file(), self._source.file)
-        self._pressed = pressed_by(self._source.loaded, body=settings.body)
-        self.calibrator = Calibrator(self._source.loaded, gel_entry(settings.gel), settings.rule, pressed=self._pressed)
+        pressed = pressed_by(self._source.loaded, body=settings.body)
+        self.calibrator = Calibrator(self._source.loaded, gel_entry(settings.gel), settings.rule, pressed=pressed)
         self._begun_ns = perf_ns()
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:
@@ -87,7 +87,7 @@ class CalibrationSession:
         file = self._file()
         model_id, written = write_calibration(
             self._source, self.calibrator, file, begun_ns=self._begun_ns, command='tactile launch calibrate',
-            pressed=self._pressed, replaces=self._replaced(live, file),
+            replaces=self._replaced(live, file),
         )  # fmt: skip
         self._tell(f'{file}: model {model_id}, from {calibration.presses} presses')
         self._tell(_summary(calibration))
