@@ -18,7 +18,7 @@ from tactile_nodes.learning.training.source import require_same_features
 from tactile_nodes.learning.transfer.checks import source_readout
 from tactile_nodes.learning.transfer.fit import Transfer, transfer
 from tactile_nodes.learning.transfer.layer import LayerConfig
-from tactile_nodes.learning.transfer.network import NetworkTransfer, network_readout, transfer_network
+from tactile_nodes.learning.transfer.network import NetworkTransfer, transfer_network
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
@@ -77,24 +77,15 @@ def calibrate(
         recordings = recordings.of_indenter(indenter)
     network = isinstance(source.loaded.model.readout, NetworkReadout)
     if network or layer:
-        calibration: AnyCalibration = _with_layer(source.loaded, recordings, layer, progress, forced)
+        require_same_features(source.loaded, recordings)
+        calibration: AnyCalibration = transfer_network(
+            source.loaded, recordings.as_samples(), layer, progress, forced=forced
+        )
     else:
         calibration = transferred(source.loaded, recordings, progress, pressed, forced=forced)
         source, calibration = completed(source, recordings, calibration, progress, pressed, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, calibration, output, seconds=seconds, command=command), calibration
-
-
-def _with_layer(
-    loaded: LoadedModel,
-    recordings: RecordedPresses,
-    layer: LayerConfig | None,
-    progress: Progress | None,
-    forced: bool,
-) -> NetworkTransfer:
-    network_readout(loaded)
-    require_same_features(loaded, recordings)
-    return transfer_network(loaded, recordings.as_samples(), layer, progress, forced=forced)
 
 
 def completed(
