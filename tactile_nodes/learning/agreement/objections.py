@@ -105,11 +105,13 @@ def force_objection(
         shown: what grows with the force: the motion in each image, or an estimate of the force.
         beside: what else `shown` depends on, which is removed before.
     """
+    from scipy.stats import rankdata
+
     if force_n.max() <= ALIKE * force_n.min():
         return ''
     chance = 1 / math.sqrt(max(len(force_n) - 1, 1))
     limit = min(max(FOLLOWS_FORCE, 2 * chance), FOLLOWS)
-    given, follows = _ranks(force_n), _ranks(shown)
+    given, follows = rankdata(force_n), rankdata(shown)
     if beside is not None:
         given, follows = _without(beside, given), _without(beside, follows)
     if _correlation(given, follows) >= limit:
@@ -126,13 +128,6 @@ def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) ->
     expected = from_seen @ np.linalg.lstsq(from_seen, place_mm, rcond=None)[0]
     off = np.linalg.norm(expected - place_mm, axis=1)
     return [int(each) for each in np.flatnonzero(off > max(ASIDE_MM, ASIDE_TIMES * float(np.median(off))))]
-
-
-def _ranks(values: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
-    """The rank of each value; equal values share one."""
-    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
-    middle: np.ndarray = (np.cumsum(counts) - (counts - 1) / 2)[which.reshape(-1)]
-    return middle
 
 
 def _without(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:

@@ -75,14 +75,14 @@ def _brightest(errors: np.ndarray) -> float | None:
 
 def cell_medians(place_mm: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Median of the finite values in each cell, rows along +y; NaN where there are too few."""
-    cells = len(edges) - 1
-    col, row = (np.clip(np.searchsorted(edges, place_mm[:, axis], 'right') - 1, 0, cells - 1) for axis in (0, 1))
-    medians = np.full((cells, cells), np.nan)
-    for cell in range(cells * cells):
-        in_cell = values[(row * cells + col == cell) & np.isfinite(values)]
-        if len(in_cell) >= LEAST_IN_CELL:
-            medians[divmod(cell, cells)] = np.median(in_cell)
-    return medians
+    from scipy.stats import binned_statistic_2d
+
+    known = np.isfinite(values)
+    y, x, known_values = place_mm[known, 1], place_mm[known, 0], values[known]
+    medians, counts = (
+        binned_statistic_2d(y, x, known_values, kind, [edges, edges]).statistic for kind in ('median', 'count')
+    )
+    return np.where(counts >= LEAST_IN_CELL, medians, np.nan)
 
 
 def _bin_borders(axis: Any, bins: BinGrid) -> None:
