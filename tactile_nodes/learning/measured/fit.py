@@ -280,22 +280,16 @@ def _places(dataset: Dataset) -> Float[np.ndarray, 'samples 3']:
 
 def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3']) -> scipy.sparse.csr_array:
     """As `tactile_nodes.sensing.explain.splines.cubes`, with 64 nonzeros a row."""
-    parts = [scipy.sparse.csr_array(axis.design(places[:, i])) for i, axis in enumerate(axes)]
-    product = parts[0]
-    for part in parts[1:]:
-        product = _row_products(product, part)
-    return product
-
-
-def _row_products(left: scipy.sparse.csr_array, right: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Row by row the products of all entries; those of `left` vary slowest."""
-    many, width = right.shape
-    a, b = left.tocoo(), right
-    starts, lengths = b.indptr[:-1][a.row], np.diff(b.indptr)[a.row]
-    inner = np.repeat(starts - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths) + np.arange(lengths.sum())
-    rows, values = np.repeat(a.row, lengths), np.repeat(a.data, lengths) * b.data[inner]
-    columns = np.repeat(a.col, lengths) * width + b.indices[inner]
-    return scipy.sparse.csr_array((values, (rows, columns)), shape=(many, left.shape[1] * width))
+    many = len(places)
+    columns, values = np.zeros((many, 1), int), np.ones((many, 1))
+    for axis, along in zip(axes, places.T, strict=True):
+        near = axis.weights_of(along)[0][:, None] + np.arange(4)
+        weights = np.take_along_axis(axis.design(along), near, axis=1)
+        columns = (columns[:, :, None] * axis.count + near[:, None, :]).reshape(many, -1)
+        values = (values[:, :, None] * weights[:, None, :]).reshape(many, -1)
+    starts = np.arange(many + 1) * values.shape[1]
+    shape = (many, math.prod(axis.count for axis in axes))
+    return scipy.sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=shape)
 
 
 def _axes(touched: Float[np.ndarray, 'n 3'], config: ResponseConfig) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
