@@ -23,7 +23,7 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, Topic
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import DatasetError, ImageError, MessageError, NoPressesError, TactileError
-from tactile_nodes.learning.recorded.clocks import Clocks, bag_clocks
+from tactile_nodes.learning.recorded.clocks import Clocks, bag_clocks, topics_of
 from tactile_nodes.learning.recorded.forces import ForceSamples
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.shapes import UInt8
@@ -295,14 +295,7 @@ class CollectionBag:
             )
 
     def _topic(self, topic: Topic, namespace: str | None, *, needed: bool = False) -> str:
-        wanted = None if namespace is None else '/'.join(['', *filter(None, namespace.split('/')), topic.name])
-        found = sorted(
-            name
-            for name, described in self._reader.topics.items()
-            if described.type_name == topic.type_name
-            and name.rpartition('/')[2] == topic.name
-            and wanted in (None, name)
-        )
+        found = topics_of(self._reader, topic, namespace)
         if len(found) > 1:
             raise DatasetError(
                 f'{self.path} holds the topic {topic.name} of several sensors, {", ".join(found)}; choose one with '
@@ -310,7 +303,8 @@ class CollectionBag:
             )
         if needed and not found:
             raise NoPressesError(
-                f'{self.path} holds no topic {wanted or topic.name} ({topic.type_name}); give a bag of a collection'
+                f'{self.path} holds no topic {topic.name} ({topic.type_name})'
+                f'{"" if namespace is None else f" in the namespace {namespace}"}; give a bag of a collection'
             )
         return found[0] if found else ''
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus.topics import RIG_STATE, SYNC_EDGE
+from tactile_nodes.bus.topics import RIG_STATE, SYNC_EDGE, Topic
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import DatasetError, MessageError
 from tactile_nodes.messages import stamp_ns
@@ -157,7 +157,7 @@ def fitted(edges_of: Mapping[str, Edges], reference: str) -> Clocks:
 def read_edges(reader: BagReader, namespace: str | None = None) -> dict[str, Edges]:
     """The edges in a bag, by recorder."""
     found: dict[str, list[tuple[int, bool, float]]] = {}
-    for message in reader.messages(_topics(reader, SYNC_EDGE.name, SYNC_EDGE.type_name, namespace)):
+    for message in reader.messages(topics_of(reader, SYNC_EDGE, namespace)):
         try:
             edge = reader.decode(message)
         except MessageError:
@@ -199,7 +199,7 @@ def _edges(rows: Sequence[tuple[int, bool, float]]) -> Edges:
 
 def _machine(reader: BagReader, namespace: str | None) -> str:
     """The frame of the machine's first state."""
-    for message in reader.messages(_topics(reader, RIG_STATE.name, RIG_STATE.type_name, namespace)):
+    for message in reader.messages(topics_of(reader, RIG_STATE, namespace)):
         try:
             return str(reader.decode(message).header.frame_id)
         except MessageError:
@@ -207,13 +207,11 @@ def _machine(reader: BagReader, namespace: str | None) -> str:
     return REFERENCE
 
 
-def _topics(reader: BagReader, short: str, type_name: str, namespace: str | None) -> list[str]:
-    """The bag's topics with this name, in one namespace or in all. Edges of the line may be outside any namespace."""
-    wanted = None if namespace is None else '/' + '/'.join(filter(None, namespace.split('/')))
-    return [
+def topics_of(reader: BagReader, topic: Topic, namespace: str | None) -> list[str]:
+    """The bag's topics of this name and type, in one namespace ('/': in none) or, with None, in all."""
+    wanted = None if namespace is None else '/'.join(['', *filter(None, namespace.split('/')), topic.name])
+    return sorted(
         name
-        for name, topic in reader.topics.items()
-        if topic.type_name == type_name
-        and name.rpartition('/')[2] == short
-        and wanted in (None, name.rpartition('/')[0])
-    ]
+        for name, described in reader.topics.items()
+        if described.type_name == topic.type_name and name.rpartition('/')[2] == topic.name and wanted in (None, name)
+    )

@@ -231,9 +231,12 @@ def force_bag(folder: Path, sensor: Sensor, sensor_sees: bool) -> Path:
     return made.close()
 
 
-def test_a_force_sensor_with_a_clock_of_its_own_gets_the_force_of_the_window(tmp_path: Path, sensor: Sensor) -> None:
+@pytest.mark.parametrize('namespace', [None, '/'])
+def test_a_force_sensor_with_a_clock_of_its_own_gets_the_force_of_the_window(
+    tmp_path: Path, sensor: Sensor, namespace: str | None
+) -> None:
     """In the middle of the window of 50 ms the force is 0.525 N, less the tare of 0.1 N; the rig had 0.3 N more."""
-    with CollectionBag(force_bag(tmp_path / 'ft', sensor, sensor_sees=True)) as bag:
+    with CollectionBag(force_bag(tmp_path / 'ft', sensor, sensor_sees=True), namespace) as bag:
         (press,) = bag.presses()
     assert exclusions.force_n(press.message) == pytest.approx(0.425, abs=0.005)
     assert press.message.force_rate == pytest.approx(1.0, abs=1e-6)
