@@ -23,7 +23,7 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, Topic
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import DatasetError, ImageError, MessageError, NoPressesError, TactileError
-from tactile_nodes.learning.recorded.clocks import Clocks, bag_clocks, topics_of
+from tactile_nodes.learning.recorded.clocks import Clocks, bag_clocks, first_frame, topics_of
 from tactile_nodes.learning.recorded.forces import ForceSamples
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.shapes import UInt8
@@ -243,14 +243,9 @@ class CollectionBag:
         }
         if any(clock.corrects for clock in self.clocks.others):
             samples = self._topic(FORCE_TORQUE, namespace)
-            if samples and self.clocks.corrects(self._frame_of(samples)):
+            if samples and self.clocks.corrects(first_frame(self._reader, [samples], '')):
                 takers[samples] = self.aligner.take_sample
         return takers
-
-    def _frame_of(self, topic: str) -> str:
-        """The frame of a topic's first message."""
-        first = next(self._reader.messages([topic]), None)
-        return '' if first is None else str(self._reader.decode(first).header.frame_id)
 
     @property
     def press_count(self) -> int:

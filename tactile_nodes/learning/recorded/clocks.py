@@ -139,7 +139,7 @@ def bag_clocks(reader: BagReader, namespace: str | None = None, reference: str |
     edges_of = read_edges(reader, namespace)
     if not edges_of and reference is None:
         return Clocks()
-    name = reference or _machine(reader, namespace)
+    name = reference or first_frame(reader, topics_of(reader, RIG_STATE, namespace), REFERENCE)
     if reference is not None and reference not in edges_of:
         raise DatasetError(
             f'{reader.path} holds no edges of {reference!r}; recorders in it are: {", ".join(edges_of) or "none"}'
@@ -197,14 +197,14 @@ def _edges(rows: Sequence[tuple[int, bool, float]]) -> Edges:
     )
 
 
-def _machine(reader: BagReader, namespace: str | None) -> str:
-    """The frame of the machine's first state."""
-    for message in reader.messages(topics_of(reader, RIG_STATE, namespace)):
+def first_frame(reader: BagReader, topics: list[str], default: str) -> str:
+    """The frame of the first message of these topics that can be read."""
+    for message in reader.messages(topics):
         try:
             return str(reader.decode(message).header.frame_id)
         except MessageError:
             continue
-    return REFERENCE
+    return default
 
 
 def topics_of(reader: BagReader, topic: Topic, namespace: str | None) -> list[str]:
