@@ -7,14 +7,14 @@ Counters are JSON in the file's metadata. The file is written atomically.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.errors import ModelError, in_a_line
+from tactile_nodes.errors import ModelError
 from tactile_nodes.files import check_size
+from tactile_nodes.paths import write_whole
 
 if TYPE_CHECKING:
     import torch
@@ -64,20 +64,14 @@ def write(path: Path, snapshot: Snapshot) -> None:
         ModelError: writing failed, as on a full disk; the previous snapshot stays.
     """
     import safetensors.torch
-    from safetensors import SafetensorError
 
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in snapshot.tensors.items()}
     counters = {name: value for name, value in asdict(snapshot.counters).items() if value != float('inf')}
-    draft = path.with_name(f'.{path.name}.part')
     try:
-        safetensors.torch.save_file(tensors, draft, {FORMAT: json.dumps(counters)})
-        with draft.open('rb') as written:
-            os.fsync(written.fileno())
-        draft.replace(path)
-    except (SafetensorError, OSError) as error:
-        draft.unlink(missing_ok=True)
+        write_whole(path, safetensors.torch.save(tensors, {FORMAT: json.dumps(counters)}))
+    except OSError as error:
         raise ModelError(
-            f'cannot write the checkpoint {path} ({in_a_line(error)}); make room, and the same command continues'
+            f'cannot write the checkpoint {path} ({error.strerror}); make room, and the same command continues'
         ) from error
 
 
