@@ -46,7 +46,7 @@ camera is estimated with the prior of the {learned} gels; with no prior, as the 
 brackets."""
 TAUGHT = """\
 Standard deviations over the {learned} gels, of the estimated camera relative to its description: position x and y (mm),
-both tilts and the roll (degrees), the focal length and the thickness (%); and of the estimated softness (%)."""
+both tilts and the roll (degrees), the focal length (%); and of the estimated softness (%)."""
 
 
 @dataclass(frozen=True)
@@ -191,10 +191,10 @@ def page(result: Mapping[str, Any]) -> str:
     errors = columns(
         rows, ('presses', '{presses}'), ('prior', '{prior}'), ('centre [mm]', '{centre_mm}'), ('total', '{total}')
     )
-    x, y, about_x, about_y, roll, focal, thick = result['usual']
+    x, y, about_x, about_y, roll, focal, *_ = result['usual']  # the thickness follows
     taught = {
         'x': f'{x:.2f}', 'y': f'{y:.2f}', 'ax': f'{about_x:.2f}', 'ay': f'{about_y:.2f}', 'roll': f'{roll:.2f}',
-        'focal': f'{100 * focal:.1f}', 'thick': f'{100 * thick:.1f}', 'soft': f'{100 * result["softer"][1]:.0f}',
+        'focal': f'{100 * focal:.1f}', 'soft': f'{100 * result["softer"][1]:.0f}',
     }  # fmt: skip
     heads = {
         'x': 'x',
@@ -203,7 +203,6 @@ def page(result: Mapping[str, Any]) -> str:
         'ay': 'about y',
         'roll': 'roll',
         'focal': 'focal',
-        'thick': 'thickness',
         'soft': 'softness',
     }
     learned = columns([taught], *((head, f'{{{name}}}') for name, head in heads.items()))

@@ -18,7 +18,7 @@ from tactile_nodes.learning.field.body import Bodies, KnownBody, body_of_card
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.field.fit import FieldFit, fit_field
 from tactile_nodes.learning.field.presses import Pressures
-from tactile_nodes.learning.guided.targets import Done, Wish, linear_most_n
+from tactile_nodes.learning.guided.targets import Target, Wish, linear_most_n
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.elasticity.regions import Regions
@@ -117,7 +117,7 @@ def test_light_presses_of_a_small_tip_calibrate_a_gel_with_printed_dots(dots: Lo
     table, random = contact_table(gel), np.random.default_rng(2)
     wish, done = Wish(30, (0.5 * most_n, 0.7 * most_n, 0.85 * most_n), sensor), []
     while (target := wish.next(done)) is not None:
-        done.append(Done(target.x_mm, target.y_mm, target.force_n * float(random.uniform(0.85, 1.15))))
+        done.append(Target(target.x_mm, target.y_mm, target.force_n * float(random.uniform(0.85, 1.15))))
     optics = Optics(gel, table)
     rests = [optics.render((), number) for number in range(20)]
     pressed = [optics.render((Press(*each[:2], table.depth_at(each.force_n)),), 100 + n) for n, each in enumerate(done)]
