@@ -53,8 +53,7 @@ CURVE = 0, 10, 30, 100
 
 UNEXPLAINED, BY_SIDES = 1.1, 0.9
 """Residual of held-out presses, in units of the expected one, beyond which a gel may have sides that its description
-ignores; and the share of it that sides must leave. On a gel with free sides 40 presses leave 1.22, and 0.72 with the
-sides (`tactile bench sides`)."""
+ignores; and the share of it that sides must leave."""
 
 NEARLY = 0.9
 """This share of all presses counts as all."""

@@ -1,9 +1,11 @@
-"""Calibration by images and a table, if the camera moves.
+"""Calibration by images and a table, if the camera moves or the gel has sides.
 
     PYTHONPATH=. python test/learning/imported/study.py before 0 0.001 0.003 0.015 0.05
     PYTHONPATH=. python test/learning/imported/study.py force 0 0.001 0.003 0.01 0.03
+    PYTHONPATH=. python test/learning/imported/study.py sides ignored free held
 
-The first moves it before the second half of the presses, the second with each newton.
+The first moves it before the second half of the presses, the second with each newton. The third moves nothing: the gel
+has sides that its description ignores.
 
 For each motion (mm along the surface) it prints how far a model, calibrated with 40 presses, is off on held-out ones.
 Before the second half: with an image of the untouched gel before each press, and without. With the force: also how far
@@ -30,7 +32,7 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
-GEL = Gel(seed=808, shear_modulus_mpa=0.16)
+SCENE = {'gel': Gel(seed=808, shear_modulus_mpa=0.16)}
 PRESSES, RESTS, FRAMES, FRAME_NS = 40, 20, 3, 50_000_000
 Shift = Callable[[int, float], float]
 """The motion of the camera (mm) by the number of the press and its force (N)."""
@@ -38,12 +40,12 @@ Shift = Callable[[int, float], float]
 
 def seen(shift_mm: float) -> Optics:
     """The gel under a camera that has moved."""
-    return Optics(replace(GEL, camera_shift_mm=(shift_mm, 0.3 * shift_mm)), contact_table(GEL))
+    return Optics(replace(SCENE['gel'], camera_shift_mm=(shift_mm, 0.3 * shift_mm)), contact_table(SCENE['gel']))
 
 
 def pressed(seed: int) -> list[tuple[Press, float]]:
     """Random presses with their forces (N)."""
-    random, table = np.random.default_rng(seed), contact_table(GEL)
+    random, table = np.random.default_rng(seed), contact_table(SCENE['gel'])
     drawn = [(*random.uniform(-13, 13, 2).tolist(), random.uniform(0.3, 2.0)) for _ in range(PRESSES)]
     return [(Press(*each), table.force_at(each[2])) for each in drawn]
 
@@ -107,8 +109,11 @@ def load_crop(image: np.ndarray) -> tuple[slice, slice]:
     return slice(top, top + 440), slice(left, left + 440)
 
 
-def study(what: str, mm: float) -> None:
-    """Print the errors for one motion of the camera."""
+def study(what: str, word: str) -> None:
+    """Print the errors for one motion of the camera, or one kind of sides."""
+    mm = 0.0 if what == 'sides' else float(word)
+    if what == 'sides':
+        SCENE['gel'] = replace(SCENE['gel'], sides=word)
     with tempfile.TemporaryDirectory() as made:
         os.environ['TACTILE_GELS'] = str(Path(made) / 'gels.sqlite')  # and not the list of whoever runs this
         if what == 'before':
@@ -118,10 +123,10 @@ def study(what: str, mm: float) -> None:
                 calibrate(Path(made), 'portable', half, half, before=before)
             return
         for model in ('portable', 'field'):
-            print(f'--- {model}, {mm} mm per newton', flush=True)
+            print(f'--- {model}, {f"sides {word}" if what == "sides" else f"{mm} mm per newton"}', flush=True)
             live(calibrate(Path(made), model, lambda *_: 0.0, lambda _, n: mm * n), lambda _, n: mm * n)
 
 
 if __name__ == '__main__':
     for text in sys.argv[2:]:
-        study(sys.argv[1], float(text))
+        study(sys.argv[1], text)
