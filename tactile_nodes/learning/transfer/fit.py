@@ -97,7 +97,9 @@ class Transfer:
     @property
     def mounting(self) -> str:
         """What the presses say of the camera's mounting, in a sentence; empty if it holds."""
-        return in_words(self.gives_px)
+        words = in_words(self.gives_px)
+        # Only the fit of a field tells one from the other.
+        return words if self.field or not words else f'{words}; free sides of the gel look alike, see docs/sensors.md'
 
     def as_dict(self) -> dict[str, Any]:
         """The entry in the model card."""
