@@ -27,8 +27,8 @@ SCALES = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03, 0.1])
 focal length and of the gel's thickness. They have no prior: five presses say more than any (`tactile bench fleet`)."""
 
 THICKER = np.array([-0.2, 0.0, 0.2])
-"""Logarithms of the thicknesses, over the described one, for which the gel is solved. Between them motion is a parabola
-of that."""
+"""Logarithms of the thicknesses, over the described one, for which the gel is solved. In between, motion is
+interpolated by a parabola."""
 
 AS_DESCRIBED = np.zeros(len(SCALES))
 FOCAL, THICKNESS = 5, 6
@@ -36,10 +36,10 @@ CAMERA, ALL = 6, 7
 """How many of the numbers are fitted: those of the camera, or all."""
 
 BY_THICKNESS, EXPLAINED = 0.85, 1.2
-"""Share of the misfit that another thickness must leave, and the largest misfit with it: a wrong body leaves more, and
-is no reason to change the gel. Presses fit a gel best that is 3 to 5 % thinner than it is, as they are deeper than a
-linear layer allows: that leaves 0.91 to 0.98. If the description says 10 % too much it leaves 0.66 to 0.81 (three
-simulated gels, 10 to 100 presses)."""
+"""Share of the misfit that another thickness must leave, and the largest misfit with it. Presses fit best a gel that is
+a little thinner than it is, because they are deeper than a linear layer allows; this alone must not change it. A wrong
+body leaves a larger misfit, and is no reason to change the gel (`pytest test/learning/field -k "thickness or square"`).
+"""
 
 LEAST, MOST = 5, 30
 """Presses that are needed, and that are used at most: more hardly improve these numbers."""
@@ -123,7 +123,7 @@ def _thicker(sensor: Sensor, by: float) -> Sensor:
 def _of_each_thickness(regions: Regions) -> tuple[Regions, ...]:
     """The regions for each thickness of `THICKER`; as described only, if the gel cannot have all of these.
 
-    Sides would have to be solved for each.
+    The same for a gel with sides, because finite elements for each thickness would take too long.
     """
     if regions.sensor.gel.sides != 'ignored':
         return (regions,)
@@ -141,12 +141,12 @@ def looked_otherwise(described: Sensor, fitted: Sensor) -> Float[np.ndarray, ' n
         sizes = np.log([camera.focal_lengths_px[0], sensor.gel.depth_mm])
         return np.array([*camera.position_mm[:2], *camera.tilt_deg, camera.roll_deg, *sizes])
 
-    by: np.ndarray = np.where(numbers(fitted) == numbers(described), 0.0, numbers(fitted) - numbers(described))
+    by: np.ndarray = numbers(fitted) - numbers(described)
     return by
 
 
 def in_words(by: Float[np.ndarray, ' numbers']) -> str:
-    """How a camera differs from its description, as the end of a sentence; '' if it does not."""
+    """How camera and thickness differ from their description, as the end of a sentence; '' if they do not."""
     if not by.any():
         return ''
     x, y, about_x, about_y, roll, larger, thicker = by.tolist()
@@ -172,7 +172,6 @@ def focal_objection(by: Float[np.ndarray, ' numbers']) -> str:
 class ObservedPresses:
     """Presses, the motion under them, and the effect of their pressures in the gel, which no camera changes."""
 
-    regions: Regions
     solved: tuple[Regions, ...]
     known: Int[np.ndarray, ' known']
     motion: Float[np.ndarray, 'n known 2']
@@ -193,7 +192,7 @@ class ObservedPresses:
             (same, tuple(each.fields_under(spectrum, slopes=False) for each in solved)) for same, _, spectrum in shapes
         ]
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
-        return cls(regions, solved, known, motion, sure, dataset.presses[rows].astype(float), fields, moving)
+        return cls(solved, known, motion, sure, dataset.presses[rows].astype(float), fields, moving)
 
     def predicted(self, by: Float[np.ndarray, ' numbers']) -> Float[np.ndarray, 'n known 2']:
         """The motion predicted for a gel of the described stiffness, over the expected standard deviation.
@@ -204,8 +203,9 @@ class ObservedPresses:
         shares = _parabola(by[THICKNESS]) if len(self.solved) > 1 else np.ones(1)
         moved = np.zeros(self.motion.shape)
         for number in np.flatnonzero(shares).tolist():
-            sensor = looking(self.solved[number].sensor, np.append(by[:THICKNESS], 0.0))
-            moved += shares[number] * self._moved(replace(self.regions, sensor=sensor), number)
+            regions = self.solved[number]
+            sensor = looking(regions.sensor, np.append(by[:THICKNESS], 0.0))
+            moved += shares[number] * self._moved(replace(regions, sensor=sensor), number)
         return self._still(moved)
 
     def _moved(self, regions: Regions, number: int) -> Float[np.ndarray, 'n known 2']:
@@ -221,7 +221,7 @@ class ObservedPresses:
         certainty = np.repeat(np.square(self.sure), 2, axis=-1)
         return np.asarray(without_camera(self.moving, motion, certainty) * self.sure)
 
-    def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' numbers']) -> Float[np.ndarray, ' numbers']:
+    def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' numbers']) -> Float[np.ndarray, ' motions']:
         """Residuals of some presses, with the gel's softness fitted to them."""
         predicted, motion = self.predicted(by)[rest], self._still(self.motion)[rest]
         return np.asarray((motion - _gain(predicted, motion) * predicted).ravel())
@@ -257,8 +257,8 @@ def _parabola(at: float) -> Float[np.ndarray, ' 3']:
 
 
 def _slopes(
-    left: Callable[[Float[np.ndarray, ' numbers']], Float[np.ndarray, ' numbers']], by: Float[np.ndarray, ' numbers']
-) -> Float[np.ndarray, 'numbers 6']:
+    left: Callable[[Float[np.ndarray, ' numbers']], Float[np.ndarray, ' motions']], by: Float[np.ndarray, ' numbers']
+) -> Float[np.ndarray, 'motions numbers']:
     """Derivatives of the residuals by each number; the steps are large enough for 32 bit floats."""
     at_start = left(by)
     return np.stack([(left(by + step) - at_start) / VARIED for step in VARIED * np.eye(len(by))], axis=1)

@@ -228,20 +228,18 @@ def fit_field(
     """
     scaling = noise_of_dots(sensor, scaling)
 
-    def fitted(sides: str, *, curve: bool) -> FieldFit:
+    def fitted(sides: str) -> FieldFit:
         gel = replace(sensor.gel, sides=sides)
         return _fit_described(
             replace(sensor, gel=gel), scaling, dataset, rows, fold, bodies, progress or Progress(), curve=curve
         )
 
-    fit = fitted(sensor.gel.sides, curve=curve)
+    fit = fitted(sensor.gel.sides)
     if sensor.gel.sides != 'ignored' or not sensor.gel.may_have_sides or fit.misfit < UNEXPLAINED:
         return fit
-    tried = {sides: fitted(sides, curve=False).misfit for sides in ('free', 'held')}
-    sides = min(tried, key=lambda name: tried[name])
-    if tried[sides] > BY_SIDES * fit.misfit:
-        return fit
-    return replace(fitted(sides, curve=curve), found_sides=sides)
+    tried = [replace(fitted(sides), found_sides=sides) for sides in ('free', 'held')]
+    best = min(tried, key=lambda each: each.misfit)
+    return best if best.misfit <= BY_SIDES * fit.misfit else fit
 
 
 def _fit_described(

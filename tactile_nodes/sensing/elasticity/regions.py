@@ -52,14 +52,10 @@ SLOPE_STEP_MM = 0.5
 
 
 class Fields(NamedTuple):
-    """Displacements under a pressure of 1 N for each thickness of the layer, from `fields_of`.
-
-    `place_mm` and `force_n` are where it acts, relative to its middle.
-    """
+    """Displacements under a pressure of 1 N for each thickness of the layer, from `fields_of`, and its spectrum."""
 
     layers: list[Float32[np.ndarray, 'depths 3 loads sets y x']]
-    place_mm: Float[np.ndarray, 'points 2']
-    force_n: Float[np.ndarray, ' points']
+    spectrum: Inexact[np.ndarray, 'ky kx']
 
 
 LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
@@ -303,7 +299,7 @@ class Regions:
         """Displacements in the gel under a pressure, independent of the camera."""
         domed = self.sensor.gel.dome_radius_mm > 0
         layers = [fields_of(layer, spectrum, pressed_only=not domed, slopes=slopes) for _, layer in self._layers]
-        return Fields(layers, *self.layer.forces(spectrum))
+        return Fields(layers, spectrum)
 
     def motion_as_described(
         self, places_mm: Float[np.ndarray, 'presses 2'], fields: Fields, known: Int[np.ndarray, ' known']
@@ -340,7 +336,8 @@ class Regions:
                 by_ray = sampled.reshape(3, sets, len(parts), -1).transpose(2, 3, 0, 1).reshape(len(parts), -1, sets)
                 found[number, :, :, depth] = levers[depth] @ by_ray
         if sides := self.sides:
-            forces = np.stack([sides.on_patches(place + under.place_mm, under.force_n) for place in places_mm], -1)
+            about, force_n = self.layer.forces(under.spectrum)
+            forces = np.stack([sides.on_patches(place + about, force_n) for place in places_mm], -1)
             by_sides = self._by_sides(sides, sides.pressed_mm @ forces.astype(np.float32), parts, sets > 1)
             found += by_sides.transpose(4, 0, 2, 1, 3)
         return found

@@ -1,10 +1,9 @@
 """What the sides of a gel change in its displacements: they are free, or held by a frame.
 
-The layer of `layer` has no sides. 4 mm from the side of a gel 6 mm thick they change the motion under a load by half
-(root mean square), in the middle of 32 mm by a twelfth. The difference is smooth, so coarse finite elements suffice:
-the same loads on a block with the sides of the gel, and on one that goes on beyond them. The errors of the elements at
-the load are the same in both and cancel. With elements two thirds as large
-the difference changes by 2 to 3 %, and with Poisson's ratio nearer to 0.5, or a larger second block, by under 1 %.
+The layer of `layer` has no sides. 2 mm from the side of a gel 6 mm thick they change the motion that regions see by
+more than a third (`pytest test/sensing/elasticity/test_sides.py`, which also compares with theory). The difference is
+smooth, so coarse finite elements suffice: the same loads on a block with the sides of the gel, and on one that goes on
+beyond them. The errors of the elements at the load are the same in both and cancel.
 """
 
 from __future__ import annotations
@@ -109,7 +108,7 @@ class Sides:
 
 @lru_cache(maxsize=2)
 def sides_of(layers: tuple[Elastic, ...], size_mm: tuple[float, float], patches: PatchGrid, *, held: bool) -> Sides:
-    """The sides of a rectangular gel; solved in some seconds, and kept."""
+    """The sides of a rectangular gel. They take some seconds to solve, and the last ones are kept."""
     pair = BlockPair(layers, size_mm, held=held)
     rows, cols = patches.shape
     if not any(patches.bins.centre_mm):  # the other quarters are mirror images of the first
