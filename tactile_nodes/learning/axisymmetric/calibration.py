@@ -13,7 +13,7 @@ from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.measured.response import Fit
 from tactile_nodes.sensing.explain.uncertainty import Calibration
-from tactile_nodes.shapes import Float, Int
+from tactile_nodes.shapes import Float
 
 TYPICAL = np.array([0.1, 0.1, 0.02])
 """Errors of x and y (mm) and of the force (share) that a correction is expected to remove."""
@@ -22,15 +22,11 @@ LEAST_FORCE_N = 0.02
 
 @dataclass(frozen=True)
 class Judged:
-    """Fits to presses before any correction, and the truth (x, y in mm, force in N).
-
-    `rows` are those of the presses in their data set.
-    """
+    """Fits to presses before any correction, and the truth (x, y in mm, force in N)."""
 
     readout: AxisymmetricReadout
     truth: Float[np.ndarray, 'n 3']
     fits: list[Fit]
-    rows: Int[np.ndarray, ' n']
 
     @classmethod
     def of(cls, readout: AxisymmetricReadout, dataset: Dataset, rows: np.ndarray) -> Judged:
@@ -41,8 +37,7 @@ class Judged:
             if observed.enough:
                 fits.append(raw.fit(observed))
                 kept.append(row)
-        chosen = np.array(kept, int)
-        return cls(readout, dataset.presses[chosen][:, [0, 1, 3]].astype(float), fits, chosen)
+        return cls(readout, dataset.presses[np.array(kept, int)][:, [0, 1, 3]].astype(float), fits)
 
     @property
     def found(self) -> Float[np.ndarray, 'n 3']:

@@ -10,9 +10,8 @@ import pytest
 from responding_gel import NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric.calibration import Judged
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.transfer.calibration import beyond_noise, cautious, nearer_by, nearer_errors
+from tactile_nodes.learning.transfer.calibration import cautious
 from tactile_nodes.learning.transfer.checks import require_tared
 from tactile_nodes.learning.transfer.fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer.whole import RIM_SCATTER, Typical, changed, fit_whole
@@ -306,31 +305,3 @@ def test_with_ten_presses_the_largest_error_counts() -> None:
     ratios = np.arange(1.0, 101.0)
     assert cautious(ratios, 10) == 100.0
     assert cautious(ratios, 1000) == pytest.approx(91, abs=1.0)
-
-
-def test_presses_far_apart_are_nearer_to_anywhere_than_to_one_another_and_random_ones_are_not() -> None:
-    axis = np.arange(6) * 4.0
-    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    # Half of a square of side 1 is within r of the nearest corner, where four quarter discs cover half of it.
-    assert nearer_by(grid) == pytest.approx(np.sqrt(0.5 / np.pi), abs=0.03)
-    chance = np.random.default_rng(3).uniform(0, 24, (2000, 2))
-    assert nearer_by(chance) == pytest.approx(1.0, abs=0.05)
-    assert nearer_by(grid[:1]) == 1.0
-
-
-def test_only_what_noise_does_not_explain_shrinks_where_presses_are_nearer() -> None:
-    assert nearer_errors(0.5, 1.0) == pytest.approx(np.sqrt(0.5))
-    assert nearer_errors(0.5, 0.5) == pytest.approx(np.sqrt(0.75))
-    assert nearer_errors(0.5, 0.0) == 1.0
-
-
-def test_places_that_scatter_five_times_as_far_as_noise_makes_them_are_24_parts_of_25_beyond_noise(
-    source: AxisymmetricReadout,
-) -> None:
-    dataset = presses(120, seed=7)
-    judged = Judged.of(source, dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
-    noise_mm = np.median(judged.sigmas[:, 0])
-    scatter = 5 * noise_mm * np.random.default_rng(8).normal(size=(len(judged.fits), 3)) * [1, 1, 0]
-    off = dataclasses.replace(judged, truth=judged.found + scatter)
-    assert beyond_noise([off], dataset) == pytest.approx(24 / 25, abs=0.02)
-    assert beyond_noise([dataclasses.replace(judged, truth=judged.found + scatter / 10)], dataset) == 0.0

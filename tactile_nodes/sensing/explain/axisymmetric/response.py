@@ -9,7 +9,7 @@ Seen obliquely, markers lie along a radial line, see `axisymmetric.radial_smear`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -68,12 +68,6 @@ class AxisymmetricResponse:
     def tables(self) -> dict[tuple[float, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Start contacts of a search, their motion and its square, by the reach [mm] and the highest force [N]."""
         return {}
-
-    def as_if_sure(self) -> AxisymmetricResponse:
-        """The same motion, without the uncertainty of the regions' numbers."""
-        sure = replace(self, unsure=None)
-        vars(sure)['tables'] = self.tables
-        return sure
 
     @property
     def highest_n(self) -> float:
