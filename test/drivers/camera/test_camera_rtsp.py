@@ -38,8 +38,10 @@ def rtp(jpeg: bytes, number: int, width: int = 64, height: int = 48) -> bytes:
 class _Session(socketserver.StreamRequestHandler):
     def handle(self) -> None:
         with contextlib.suppress(ConnectionError, ValueError):
-            while (line := self.rfile.readline()).strip():
-                self._answer(line.split()[0].decode())
+            method = ''
+            while method != 'PLAY' and (line := self.rfile.readline()).strip():
+                method = line.split()[0].decode()
+                self._answer(method)
 
     def _answer(self, method: str) -> None:
         fields = dict(line.split(': ', 1) for line in iter(lambda: self.rfile.readline().decode().strip(), ''))
