@@ -127,9 +127,12 @@ class Meeting:
         `trusting` takes those who were alive the last time to be so still, which saves most of the time.
         """
         with self._reading:
-            present = self._listed() - {self.uid}
-            self._records = {uid: record for uid, record in self._records.items() if uid in present}
-            found = [self._meet(uid, trusting) for uid in sorted(present)]
+            present = self._listed()
+            if self.uid in present:
+                self._records = {uid: record for uid, record in self._records.items() if uid in present}
+                found = [self._meet(uid, trusting) for uid in sorted(present - {self.uid})]
+            else:  # our own files were removed, too: the folder does not tell who is gone
+                found = [record for _, record in self._records.values()]
         return [record for record in found if record is not None]
 
     def changed_ns(self) -> int:

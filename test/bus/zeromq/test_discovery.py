@@ -15,10 +15,11 @@ import pytest
 import zmq
 from agents import NUMBER, Other, until
 
-from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.protocol import Participant, Qos
 from tactile_nodes.bus.zeromq.calls import bind_again
 from tactile_nodes.bus.zeromq.discovery import Meeting, domain_from_environment
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.zeromq.records import Record
 from tactile_nodes.bus.zeromq.sockets import Longest, open_socket
 from tactile_nodes.errors import BusError, ConfigurationError
 from tactile_nodes.messages import types
@@ -221,6 +222,20 @@ def test_record_that_was_written_over_is_written_anew_and_meanwhile_the_last_one
     (folder / 'd7' / f'{spoken.uid}.json').write_bytes(text)
     assert '/there' in other.graph().nodes()
     until(lambda: (folder / 'd7' / f'{spoken.uid}.json').read_bytes() != text, 'it to speak again')
+
+
+def test_folder_that_was_removed_does_not_say_that_everybody_is_gone(folder: Path) -> None:
+    here, other = Meeting('aaaaaaaa', 7, folder), Meeting('bbbbbbbb', 7, folder)
+    try:
+        other.announce(Record(Participant('bbbbbbbb', 1, 'here'), (), other.socket_address(0)))
+        assert [record.participant.uid for record in here.look()] == ['bbbbbbbb']
+        shutil.rmtree(folder / 'd7')
+        assert [record.participant.uid for record in here.look()] == ['bbbbbbbb']
+        here.enter()
+        assert here.look() == []
+    finally:
+        here.leave()
+        other.leave()
 
 
 def test_folder_that_cannot_be_made_again_is_reported_once_and_ends_nobody(
