@@ -60,6 +60,7 @@ class Timeline:
 
 
 _SLICE_NS = 20_000_000  # longest reaction time to a pause, a stop or another rate
+_STOOD_STILL_NS = NS_PER_S  # after Ctrl-Z, or if the computer slept, messages are not made up for all at once
 _ADD_UP = type_name(types.TFMessage)
 _HEARD_WITHIN_NS = 5 * NS_PER_S  # a recorder may receive an earlier latched message this late
 
@@ -183,6 +184,8 @@ class Playback:
                 return True
             if due_ns is not None and due_ns <= now_ns:
                 self.latest_ns = max(self.latest_ns, now_ns - due_ns)
+                if now_ns - due_ns > _STOOD_STILL_NS:
+                    self.timeline.start(now_ns, log_ns)
                 return True
             self._clock.sleep_until(wake_ns if due_ns is None else min(due_ns, wake_ns))
         return False

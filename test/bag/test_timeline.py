@@ -99,6 +99,20 @@ def test_time_lost_in_one_message_is_not_added_to_the_next(bag: Path, clock: Jum
     assert left == [number * STEP_NS for number in range(10)]
 
 
+def test_after_a_stop_of_the_process_the_rest_does_not_leave_at_once(bag: Path, clock: JumpingClock) -> None:
+    left = []
+
+    def publish(_) -> None:
+        left.append(clock.now_ns() - NOW_NS)
+        if len(left) == 3:
+            clock.advance(5.0)  # Ctrl-Z
+
+    with BagReader(bag) as reader:
+        Playback(reader, list(reader.topics), publish, clock).run()
+    stopped_ns = 2 * STEP_NS + 5_000_000_000
+    assert left[3:] == [stopped_ns + number * STEP_NS for number in range(7)]
+
+
 def test_start_offset_skips_but_gives_the_last_latched_message(bag: Path, clock: JumpingClock) -> None:
     content = samples(10)
     found = played(bag, clock, offset_s=0.06)

@@ -2,6 +2,7 @@
 
 export const OLD_S = 0.6; // a force older than this is not shown as current
 const EARLIER_S = 10; // a node that was silent so long before the data ended is not the cause
+const NO_FORCE = 'No force yet: the nodes are starting, or none runs (tactile launch live starts them).';
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
 /** A status, its word, and a sentence about it, for data of this age in seconds that came through a link. */
@@ -11,7 +12,7 @@ export function statusOf(fields, age, isLive, link) {
     const since = fields?.force ? `, no data for ${age.toFixed(0)} s` : '';
     return ['nodata', 'NO CONNECTION', `The live view does not respond${since}.${link.open ? '' : ' Reconnecting.'}`];
   }
-  if (!fields?.force) return ['waiting', 'WAITING', complaint(fields, age) ?? 'No force yet. The nodes are starting.'];
+  if (!fields?.force) return ['waiting', 'WAITING', complaint(fields, age) ?? NO_FORCE];
   if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(fields, age) ?? ''}`.trim()];
   const touch = fields.force.in_contact ? 'Something touches.' : 'Nothing touches.';
   const { level, text } = fields.slow.calibration ?? {};
