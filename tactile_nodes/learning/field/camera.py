@@ -188,11 +188,13 @@ class ObservedPresses:
         known, motion = motion_of(scaling, dataset, rows)
         shapes = shapes_of(regions, pressures, dataset, rows, softer)
         solved = _of_each_thickness(regions)
+        presses = dataset.presses[rows].astype(float)
         fields = [
-            (same, tuple(each.fields_under(spectrum, slopes=False) for each in solved)) for same, _, spectrum in shapes
+            (same, tuple(each.fields_under(presses[same, :2], spectrum, slopes=False) for each in solved))
+            for same, _, spectrum in shapes
         ]
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
-        return cls(solved, known, motion, sure, dataset.presses[rows].astype(float), fields, moving)
+        return cls(solved, known, motion, sure, presses, fields, moving)
 
     def predicted(self, by: Float[np.ndarray, ' numbers']) -> Float[np.ndarray, 'n known 2']:
         """The motion predicted for a gel of the described stiffness, over the expected standard deviation.
@@ -212,7 +214,7 @@ class ObservedPresses:
         """The motion predicted for one of the thicknesses."""
         moved = np.zeros(self.motion.shape)
         for same, fields in self.fields:
-            one = regions.motion_as_described(self.presses[same, :2], fields[number], self.known)
+            one = regions.motion_as_described(fields[number], self.known)
             moved[same] = one * self.presses[same, 3][:, None, None]
         return moved
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from tactile_nodes.sensing.flow.dots import weights_of_dots
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Bool, Float, Float32, Inexact, Int
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 TERMS = 3 * DEPTHS
 """Terms of each region: at each depth the displacement, and its derivatives along x and along y."""
@@ -52,10 +55,14 @@ SLOPE_STEP_MM = 0.5
 
 
 class Fields(NamedTuple):
-    """Displacements under a pressure of 1 N for each thickness of the layer, from `fields_of`, and its spectrum."""
+    """Displacements under a pressure of 1 N around each of some places, whatever the camera.
 
+    `layers` holds them for each thickness of the layer, from `fields_of`; `by_sides_mm` what sides add at each place.
+    """
+
+    places_mm: Float[np.ndarray, 'presses 2']
     layers: list[Float32[np.ndarray, 'depths 3 loads sets y x']]
-    spectrum: Inexact[np.ndarray, 'ky kx']
+    by_sides_mm: Float32[np.ndarray, 'unknowns presses'] | None
 
 
 LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
@@ -228,7 +235,7 @@ class Regions:
         if not self.sensor.gel.dome_radius_mm:
             split = self._terms_in(self.layer, parts, slopes)
             if sides := self.sides:
-                by_sides = self._by_sides(sides, sides.added_mm, parts, slopes)
+                by_sides = self._by_sides(sides.added_mm, parts, slopes)
                 split += by_sides.reshape(*split.shape[:3], -1, 3, patches.count).swapaxes(3, 4)
         else:
             shares = self._as_thick(patches.centres_mm).astype(np.float32)
@@ -291,35 +298,37 @@ class Regions:
         if (sides := self.sides) is None:
             return None
         parts = np.arange(len(self.rays)) if self._of_dots else known
-        found = self._by_sides(sides, sides.pressed_mm, parts, True)
+        found = self._by_sides(sides.pressed_mm, parts, True)
         terms = found.swapaxes(1, 2).reshape(len(parts), 2, TERMS, -1)
         return np.asarray(np.tensordot(self._dot_weights[known], terms, axes=1)) if self._of_dots else terms
 
-    def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx'], *, slopes: bool = True) -> Fields:
-        """Displacements in the gel under a pressure, independent of the camera."""
-        domed = self.sensor.gel.dome_radius_mm > 0
+    def fields_under(
+        self, places_mm: Float[np.ndarray, 'presses 2'], spectrum: Inexact[np.ndarray, 'ky kx'], *, slopes: bool = True
+    ) -> Fields:
+        """Displacements in the gel under a pressure around each place, independent of the camera."""
+        domed, by_sides = self.sensor.gel.dome_radius_mm > 0, None
         layers = [fields_of(layer, spectrum, pressed_only=not domed, slopes=slopes) for _, layer in self._layers]
-        return Fields(layers, spectrum)
+        if sides := self.sides:
+            about, force_n = self.layer.forces(spectrum)
+            forces = np.stack([sides.on_patches(place + about, force_n) for place in places_mm], -1)
+            by_sides = sides.pressed_mm @ forces.astype(np.float32)
+        return Fields(places_mm, layers, by_sides)
 
-    def motion_as_described(
-        self, places_mm: Float[np.ndarray, 'presses 2'], fields: Fields, known: Int[np.ndarray, ' known']
-    ) -> Float32[np.ndarray, 'presses known 2']:
-        """Motion [px] of some windows under 1 N of a pressure around each place, with depths weighted by
-        `nominal_shares`; `fields` without slopes."""
-        terms = self._seen_in(fields, places_mm, known)
+    def motion_as_described(self, fields: Fields, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'n known 2']:
+        """Motion [px] of some windows under 1 N around each of n places, with depths weighted by `nominal_shares`;
+        `fields` without slopes."""
+        terms = self._seen_in(fields, known)
         return np.asarray(terms[..., 0] @ self.nominal_shares[::3].astype(np.float32))
 
     def _pressure_on_parts(
         self, places_mm: Float[np.ndarray, 'presses 2'], spectrum: Inexact[np.ndarray, 'ky kx'], parts: np.ndarray
     ) -> Float32[np.ndarray, 'presses n 2 terms']:
         """The same of windows, or dots."""
-        found = self._seen_in(self.fields_under(spectrum), places_mm, parts)
+        found = self._seen_in(self.fields_under(places_mm, spectrum), parts)
         return found.reshape(len(places_mm), len(parts), 2, TERMS)
 
-    def _seen_in(
-        self, under: Fields, places_mm: Float[np.ndarray, 'presses 2'], parts: np.ndarray
-    ) -> Float32[np.ndarray, 'presses n 2 depths sets']:
-        in_layers = under.layers
+    def _seen_in(self, under: Fields, parts: np.ndarray) -> Float32[np.ndarray, 'presses n 2 depths sets']:
+        places_mm, in_layers, by_sides_mm = under
         domed, sets = self.sensor.gel.dome_radius_mm > 0, in_layers[0].shape[3]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
         points, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts] / ALONG**2
@@ -335,27 +344,33 @@ class Regions:
                 sampled = sampled_at(fields[depth].reshape(3 * sets, *fields.shape[-2:]), at[depth])
                 by_ray = sampled.reshape(3, sets, len(parts), -1).transpose(2, 3, 0, 1).reshape(len(parts), -1, sets)
                 found[number, :, :, depth] = levers[depth] @ by_ray
-        if sides := self.sides:
-            about, force_n = self.layer.forces(under.spectrum)
-            forces = np.stack([sides.on_patches(place + about, force_n) for place in places_mm], -1)
-            by_sides = self._by_sides(sides, sides.pressed_mm @ forces.astype(np.float32), parts, sets > 1)
-            found += by_sides.transpose(4, 0, 2, 1, 3)
+        if by_sides_mm is not None:
+            found += self._by_sides(by_sides_mm, parts, sets > 1).transpose(4, 0, 2, 1, 3)
         return found
 
     def _by_sides(
-        self, sides: Sides, added: Float32[np.ndarray, 'unknowns loads'], parts: np.ndarray, slopes: bool
+        self, added: Float32[np.ndarray, 'unknowns loads'], parts: np.ndarray, slopes: bool
     ) -> Float32[np.ndarray, 'n depths 2 sets loads']:
         """Motion of windows or dots by term, from displacements that the sides add."""
-        points, levers = self.rays.points_mm[:, parts], self.rays.px_per_mm[:, parts] / ALONG**2
         found = np.empty((len(parts), DEPTHS, 2, 3 if slopes else 1, added.shape[1]), np.float32)
         steps = SLOPE_STEP_MM * np.eye(3)[:2]
 
-        def moved(depth: int, by_mm: np.ndarray) -> np.ndarray:
-            found: np.ndarray = seen(sides.lines_mm, points[depth] + by_mm, levers[depth]) @ added
-            return found.reshape(len(parts), 2, -1)
+        def moved(nodes: csr_matrix) -> np.ndarray:
+            return np.asarray((nodes @ added).reshape(len(self.rays), 2, -1)[parts])
 
         for depth in range(DEPTHS):
-            found[:, depth, :, 0] = moved(depth, np.zeros(3))
+            found[:, depth, :, 0] = moved(self._nodes_of_sides[depth])
             for number, step in enumerate(steps if slopes else (), 1):
-                found[:, depth, :, number] = (moved(depth, step) - moved(depth, -step)) / (2 * SLOPE_STEP_MM)
+                ahead, behind = (moved(self._nodes_at(depth, each)) for each in (step, -step))
+                found[:, depth, :, number] = (ahead - behind) / (2 * SLOPE_STEP_MM)
         return found
+
+    @cached_property
+    def _nodes_of_sides(self) -> list[csr_matrix]:
+        """For each depth the matrix from displacements of the nodes of `sides` to motion of windows or dots."""
+        return [self._nodes_at(depth, np.zeros(3)) for depth in range(DEPTHS)]
+
+    def _nodes_at(self, depth: int, by_mm: Float[np.ndarray, ' 3']) -> csr_matrix:
+        """The same for one depth, with all points moved by `by_mm`."""
+        assert self.sides is not None
+        return seen(self.sides.lines_mm, self.rays.points_mm[depth] + by_mm, self.rays.px_per_mm[depth] / ALONG**2)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,25 +59,34 @@ class BlockPair:
         modulus = np.array([each.shear_modulus_mpa for each in material])
         ratio = np.array([each.poisson_ratio for each in material])
         self.lines_mm: Lines = x, y, down
-        self._within = Block(self.lines_mm, modulus, ratio, held=held)
         wide_x, wide_y = (np.concatenate([each[0] - beyond[::-1], each, each[-1] + beyond]) for each in (x, y))
-        self._wide = Block((wide_x, wide_y, down), modulus, ratio)
+        self._within = cache(lambda: Block(self.lines_mm, modulus, ratio, held=held))
+        self._wide = cache(lambda: Block((wide_x, wide_y, down), modulus, ratio))
         self._inner = (slice(len(beyond), -len(beyond)),) * 2
 
     def added_mm(self, loads_n: Float[np.ndarray, 'unknowns loads']) -> Float[np.ndarray, 'unknowns loads']:
         """The displacements that the sides add, under forces on the nodes of the first block."""
-        there = np.zeros((*self._wide.shape, 3, loads_n.shape[1]))
-        there[self._inner] = loads_n.reshape(*self._within.shape, 3, -1)
-        without = self._wide.moved_mm(there.reshape(-1, loads_n.shape[1])).reshape(there.shape)[self._inner]
-        added: np.ndarray = self._within.moved_mm(loads_n) - without.reshape(loads_n.shape)
+        added: np.ndarray = self.within_mm(loads_n) - self.without_mm(loads_n)
         return added
+
+    def within_mm(self, loads_n: Float[np.ndarray, 'unknowns loads']) -> Float[np.ndarray, 'unknowns loads']:
+        """The displacements of the block with sides."""
+        moved: np.ndarray = self._within().moved_mm(loads_n)
+        return moved
+
+    def without_mm(self, loads_n: Float[np.ndarray, 'unknowns loads']) -> Float[np.ndarray, 'unknowns loads']:
+        """The displacements of the same nodes if the block goes on beyond its sides."""
+        there = np.zeros((*self._wide().shape, 3, loads_n.shape[1]))
+        there[self._inner] = loads_n.reshape(*map(len, self.lines_mm), 3, -1)
+        moved: np.ndarray = self._wide().moved_mm(there.reshape(-1, loads_n.shape[1])).reshape(there.shape)
+        return moved[self._inner].reshape(loads_n.shape)
 
     def loads_n(
         self, place_mm: Float[np.ndarray, 'points 2'], force_n: Float[np.ndarray, 'points 3 loads']
     ) -> Float[np.ndarray, 'unknowns loads']:
         """Forces at points of the surface (x, y, out of the gel) as forces on the nodes."""
         x, y = (hats(place_mm[:, axis], self.lines_mm[axis]) for axis in (0, 1))
-        loads = np.zeros((*self._within.shape, 3, force_n.shape[-1]))
+        loads = np.zeros((*map(len, self.lines_mm), 3, force_n.shape[-1]))
         loads[:, :, -1] = np.einsum('pi,pj,pal->ijal', x, y, force_n, optimize=True)
         return loads.reshape(-1, force_n.shape[-1])
 
@@ -110,18 +119,36 @@ class Sides:
 def sides_of(layers: tuple[Elastic, ...], size_mm: tuple[float, float], patches: PatchGrid, *, held: bool) -> Sides:
     """The sides of a rectangular gel. They take some seconds to solve, and the last ones are kept."""
     pair = BlockPair(layers, size_mm, held=held)
-    rows, cols = patches.shape
-    if not any(patches.bins.centre_mm):  # the other quarters are mirror images of the first
-        rows, cols = (rows + 1) // 2, (cols + 1) // 2
-    numbers = np.arange(patches.count).reshape(patches.shape)[:rows, :cols].ravel()
     nodes = *(len(each) for each in pair.lines_mm), 3
     added = np.zeros((*nodes, 3, *patches.shape), np.float32)
-    for some in np.array_split(numbers, math.ceil(len(numbers) / BATCH)):
-        found = pair.added_mm(_on_patches(pair, patches, some)).reshape(*nodes, 3, len(some))
-        added[..., some // patches.shape[1], some % patches.shape[1]] = found
-    for axis, solved in enumerate((cols, rows)):
+    for some, without_mm in zip(_solved(patches), _without_sides(layers, size_mm, patches), strict=True):
+        found = pair.within_mm(_on_patches(pair, patches, some)) - without_mm
+        added[..., some // patches.shape[1], some % patches.shape[1]] = found.reshape(*nodes, 3, len(some))
+    for axis, solved in enumerate(_quarter(patches)[::-1]):
         _mirror(np.moveaxis(added, -1 - axis, 0), axis, solved)
     return Sides(pair.lines_mm, patches, added.reshape(-1, 3 * patches.count))
+
+
+@lru_cache(maxsize=1)
+def _without_sides(
+    layers: tuple[Elastic, ...], size_mm: tuple[float, float], patches: PatchGrid
+) -> list[Float32[np.ndarray, 'unknowns loads']]:
+    """The displacements without sides under 1 N on each patch: the same beside free and held sides."""
+    pair = BlockPair(layers, size_mm, held=False)
+    return [pair.without_mm(_on_patches(pair, patches, some)).astype(np.float32) for some in _solved(patches)]
+
+
+def _solved(patches: PatchGrid) -> list[Int[np.ndarray, ' some']]:
+    """The patches that are solved, in batches."""
+    rows, cols = _quarter(patches)
+    numbers = np.arange(patches.count).reshape(patches.shape)[:rows, :cols].ravel()
+    return np.array_split(numbers, math.ceil(len(numbers) / BATCH))
+
+
+def _quarter(patches: PatchGrid) -> tuple[int, int]:
+    """Rows and columns of patches of which all others are mirror images; all if the bins are not in the middle."""
+    rows, cols = patches.shape
+    return (rows, cols) if any(patches.bins.centre_mm) else ((rows + 1) // 2, (cols + 1) // 2)
 
 
 def _on_patches(
