@@ -232,9 +232,11 @@ def felt_for(
     """Step by step down from a height until the hold is over; `measure` is called at each look."""
     z_mm = top_mm
     while not guarded.done:
-        observation = yield Look(LOOK_S)
+        yield Look(LOOK_S)
         measure()
-        step_mm = guarded.step_mm(observation.now_ns, feel())
+        felt = feel()
+        observation = yield Look(0.0)  # after the force, which is not from the future if this thread had to wait
+        step_mm = guarded.step_mm(observation.now_ns, felt)
         if step_mm:
             z_mm -= step_mm
             observation = yield Go(z=z_mm, feed_mm_min=feed_mm_min)

@@ -96,6 +96,19 @@ def test_the_force_is_reached_held_reported_and_left() -> None:
     assert outcome.greatest_n <= guard.target_n + guard.band_n
 
 
+def test_a_force_that_came_while_the_run_had_to_wait_is_not_from_the_future() -> None:
+    calls = count()
+
+    def feel(run: GuardedRun, now_ns: int) -> Felt:
+        if next(calls) == 5:
+            threading.Event().wait(1.0 / QUICK)
+            now_ns += NS_PER_S
+        return truth(run, now_ns)
+
+    with opened(feel) as run:
+        assert run.run() is not None
+
+
 def test_a_force_that_is_reached_and_not_held_is_reported() -> None:
     with opened(truth, dataclasses.replace(SETTINGS, guard=dataclasses.replace(SETTINGS.guard, hold_s=0.0))) as run:
         outcome = run.run()
