@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from jumping_clock import JumpingClock
+from jumping_clock import AheadClock, JumpingClock
 
 from tactile_nodes.clock import SystemClock
 
@@ -16,3 +16,8 @@ def clock() -> SystemClock:
 @pytest.fixture
 def jumping() -> JumpingClock:
     return JumpingClock(1_700_000_000_000_000_000)
+
+
+@pytest.fixture
+def ahead() -> AheadClock:
+    return AheadClock()

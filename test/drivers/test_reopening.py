@@ -10,7 +10,7 @@ import pytest
 
 from tactile_nodes.drivers import reopening
 from tactile_nodes.drivers.reopening import Reopening
-from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, ImageError, TactileError
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, ImageError, TactileError
 
 GONE, AWAY = DeviceLostError('X is gone'), DeviceNotFoundError('there is no X')
 
@@ -34,7 +34,7 @@ class Bench:
         self.waited: list[float] = []
         self.reasons: list[TactileError] = []
         self.at_end = threading.Event()
-        self.source = Reopening('X', self.connect, self.fetch, self.reasons.append)
+        self.source = Reopening('X', self.connect, self.fetch, self.lose)
         bench = self
 
         class Noting(threading.Event):
@@ -43,6 +43,11 @@ class Bench:
                 return self.is_set()
 
         monkeypatch.setattr(reopening, 'threading', SimpleNamespace(Event=Noting, Thread=threading.Thread))
+
+    def lose(self, error: TactileError) -> None:
+        self.reasons.append(error)
+        if not isinstance(error, DeviceError):
+            self.at_end.set()
 
     def connect(self) -> Device:
         answer = self.left.pop(0)
@@ -62,7 +67,8 @@ class Bench:
 
     def run(self) -> None:
         self.source.open()
-        self.source.close(10.0)
+        assert self.at_end.wait(30)
+        self.source.close(30.0)
 
 
 def test_a_device_that_was_never_there_is_an_error_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,12 +115,18 @@ def test_an_error_that_opening_again_cannot_mend_ends_it(monkeypatch: pytest.Mon
 
 
 def test_closing_does_not_wait_for_a_device_that_hangs_which_is_closed_when_it_wakes() -> None:
-    hanging, device = threading.Event(), Device([])
-    source = Reopening('X', lambda: device, lambda _: hanging.wait(30), lambda _: None)
+    begun, hanging, device = threading.Event(), threading.Event(), Device([])
+
+    def hang(_: Device) -> bool:
+        begun.set()
+        return hanging.wait(120)
+
+    source = Reopening('X', lambda: device, hang, lambda _: None)
     source.open()
+    assert begun.wait(30)
+    (thread,) = (each for each in threading.enumerate() if each.name == 'X')
     source.close(0.05)
     assert device.closed_by == ''
-    (thread,) = (each for each in threading.enumerate() if each.name == 'X')
     hanging.set()
-    thread.join(10)
+    thread.join(30)
     assert device.closed_by == 'X'

@@ -79,10 +79,8 @@ class NewestFrame:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._unread or self.failure, timeout_s)
-            if self.failure is not None:
-                raise self.failure
             if self._unread is None:
-                raise self._nothing(timeout_s)
+                raise self.failure or self._nothing(timeout_s)
 
     def take(self, timeout_s: float) -> Frame:
         """The newest unread frame, waiting for it up to `timeout_s`.
@@ -220,9 +218,11 @@ class LiveCamera(Camera):
     def _fetch(self, connection: CameraConnection) -> bool:
         before_ns = self._slot.good_ns
         connection.fetch(self._slot)
+        if self._slot.good_ns > before_ns:  # what has just come is not silent, even if this computer paused since
+            return True
         if silence := self._silence:
             raise DeviceLostError(silence)
-        return self._slot.good_ns > before_ns
+        return False
 
     @property
     def _silence(self) -> str:

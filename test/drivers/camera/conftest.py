@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import http.server
 import threading
 import time
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 BOUNDARY = 'frame'
+HELD = 30  # frames that a driver keeps for a reader that is late; V4L2 allows 32
 
 
 def picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
@@ -26,7 +28,12 @@ def picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
 
 
 def jpeg(number: int, width: int = 64, height: int = 48) -> bytes:
-    return cv2.imencode('.jpg', picture(number % 20, width, height))[1].tobytes()
+    return _encoded(number % 20, width, height)
+
+
+@functools.cache
+def _encoded(number: int, width: int, height: int) -> bytes:
+    return cv2.imencode('.jpg', picture(number, width, height))[1].tobytes()
 
 
 @pytest.fixture
@@ -136,7 +143,14 @@ class EmulatedDevice:
     """A V4L2 device as OpenCV shows it, with the behaviour that was seen on real ones.
 
     ``set`` returns True whatever it does; an unknown format becomes BGR3; the rate and the size snap to what there
-    is; after an unplug ``grab`` fails at once while ``isOpened`` stays true; a stalled grab blocks.
+    is; after an unplug ``grab`` fails at once while ``isOpened`` stays true; a stalled grab blocks. Frames are taken at
+    the instants of the rate, and some are held for a reader that is late.
+
+    Attributes:
+        stamps_ms: the kernel's stamp of each frame.
+        handed_ns: when each frame was handed over, on CLOCK_MONOTONIC.
+        asked_ns: when its picture was asked for.
+        blocked: whether a grab is blocked now.
     """
 
     node: Path
@@ -148,17 +162,28 @@ class EmulatedDevice:
     slower: float = 1.0
     unreadable: bool = False  # OpenCV knows no way to make a picture of its format
     stalled: threading.Event = field(default_factory=threading.Event)
+    blocked: bool = False
     spoil: Callable[[int, bytes], bytes] = lambda number, data: data
     grabbed: int = 0
     opened: int = 0
     released: int = 0
     calls: list[tuple[str, float]] = field(default_factory=list)
+    stamps_ms: list[float] = field(default_factory=list)
+    handed_ns: list[int] = field(default_factory=list)
+    asked_ns: list[int] = field(default_factory=list)
 
     def plug(self) -> None:
         self.node.touch()
 
     def unplug(self) -> None:
         self.node.unlink()
+
+    def wait_until_released(self) -> None:
+        """As often as it was opened: whoever closes it does not wait long for a thread that is at work in it."""
+        deadline_s = time.monotonic() + 30.0
+        while self.released != self.opened:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
 
     def capture(self, path: str) -> EmulatedCapture:
         self.opened += 1
@@ -194,6 +219,7 @@ class EmulatedCapture:
         self._convert = 1.0
         self._number = -1
         self._stamp_ms = 0.0
+        self._due_s = time.monotonic()
 
     def isOpened(self) -> bool:
         return True
@@ -223,20 +249,30 @@ class EmulatedCapture:
         }[prop]
 
     def grab(self) -> bool:
-        if not self._device.node.exists():
+        device = self._device
+        if not device.node.exists() or self._blocks():
             return False
-        deadline = time.monotonic() + 2.0
-        while self._device.stalled.is_set():
-            if time.monotonic() > deadline:
-                return False
-            time.sleep(0.01)
-        time.sleep(self._device.slower / self._rate)
+        period_s, now_s = device.slower / self._rate, time.monotonic()
+        self._due_s = max(self._due_s + period_s, now_s - HELD * period_s)
+        time.sleep(max(0.0, self._due_s - now_s))
         self._number += 1
-        self._device.grabbed += 1
-        self._stamp_ms = time.monotonic() * 1000 + self._device.stamp_offset_ms
+        device.grabbed += 1
+        self._stamp_ms = self._due_s * 1000 + device.stamp_offset_ms
+        device.stamps_ms.append(self._stamp_ms)
+        device.handed_ns.append(time.monotonic_ns())
         return True
 
+    def _blocks(self) -> bool:
+        """Whether it stalled for the ten seconds after which OpenCV gives up."""
+        device, deadline_s = self._device, time.monotonic() + 10.0
+        while device.stalled.is_set() and time.monotonic() < deadline_s:
+            device.blocked = True
+            time.sleep(0.01)
+        device.blocked = False
+        return device.stalled.is_set()
+
     def retrieve(self) -> tuple[bool, Any]:
+        self._device.asked_ns.append(time.monotonic_ns())
         width, height = self._size
         if self._device.unreadable:
             raise cv2.error('no conversion')

@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import os
 import re
+import statistics
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -108,7 +109,7 @@ def _closing(stack: contextlib.ExitStack, make: Make) -> Make:
 
 
 def read(camera: Camera, count: int = 5) -> list[Frame]:
-    frames = [camera.read(2.0) for _ in range(count)]
+    frames = [camera.read(20.0) for _ in range(count)]
     assert None not in frames
     return frames  # type: ignore[return-value]
 
@@ -133,9 +134,13 @@ def test_stamps_are_on_the_time_base_of_the_host_and_never_in_the_future(make: M
 
 
 def test_stamps_follow_the_rate_of_the_source(make: Make) -> None:
-    """Five frames of a source of 50 or 100 frames a second span at least 4 / 100 s, less jitter; and under 2 s."""
-    frames = read(make())
-    assert 0.02e9 < frames[-1].stamp_ns - frames[0].stamp_ns < 2e9
+    """50 or 100 frames a second are 10 to 20 ms from one to the next; most are, even if some come late and at once."""
+    frames = read(make(loop=True), 25)
+    steps = [
+        (later.stamp_ns - earlier.stamp_ns) / (later.sequence - earlier.sequence)
+        for earlier, later in itertools.pairwise(frames)
+    ]
+    assert 0.005e9 < statistics.median(steps) < 0.5e9
 
 
 def test_the_sequence_counts_the_frames_that_were_read_and_those_that_were_lost(make: Make) -> None:
@@ -150,7 +155,7 @@ def test_reading_gives_up_after_its_timeout(slow: Camera) -> None:
         for _ in range(2):
             started_ns = clock.now_ns()
             slow.read(0.1)
-    assert 0.09e9 < clock.now_ns() - started_ns < 1e9
+    assert 0.09e9 < clock.now_ns() - started_ns < 4e9  # the next frame would come after five seconds, if any
 
 
 def test_closing_twice_is_closing_once(make: Make) -> None:

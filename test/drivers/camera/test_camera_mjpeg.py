@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 
 import pytest
+from jumping_clock import AheadClock
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
@@ -47,28 +48,30 @@ def until_lost(camera: Camera) -> str:
 
 
 def test_a_silent_server_is_lost_after_the_stall_time(serve: Serve, clock: SystemClock) -> None:
-    """By its socket, or by the pictures that are missing, whichever is noticed first."""
-    last_ns = []
+    """By its socket, or by the pictures that are missing, whichever is noticed first; and not before."""
 
     def script(peer) -> None:
         peer.head()
         peer.stream(count=2)
-        last_ns.append(clock.now_ns())
         peer.stall()
 
-    reason = until_lost(connected(serve(script), clock, stall_s=0.3))
-    assert 'has sent nothing for 0.3 s' in reason or 'has sent no complete picture for 0.' in reason
-    assert 0.25e9 < clock.now_ns() - last_ns[0] < 1.5e9
+    camera = connected(serve(script), clock, stall_s=0.3)
+    last = camera.read(20.0)
+    reason = until_lost(camera)
+    assert 'has sent nothing for 0.3 s' in reason or 'has sent no complete picture for ' in reason
+    assert clock.now_ns() - last.stamp_ns >= 0.3e9
 
 
-def test_a_server_that_trickles_bytes_without_a_picture_is_lost_too(serve: Serve, clock: SystemClock) -> None:
+def test_a_server_that_trickles_bytes_without_a_picture_is_lost_too(serve: Serve, ahead: AheadClock) -> None:
     def script(peer) -> None:
         peer.head()
         peer.stream(count=1)
         while not peer.over.wait(0.02):
             peer.raw(b'x' * 100)
 
-    assert 'no complete picture' in until_lost(connected(serve(script), clock, stall_s=0.3))
+    camera = connected(serve(script), ahead, stall_s=60.0)
+    ahead.advance(61.0)
+    assert 'no complete picture' in until_lost(camera)
 
 
 def test_a_cut_connection_is_lost_at_once(serve: Serve, clock: SystemClock) -> None:
@@ -95,9 +98,9 @@ def test_pictures_that_are_not_whole_are_dropped_and_counted(serve: Serve, clock
         peer.stall()
 
     camera = connected(serve(script), clock, stall_s=5.0)
-    assert level(camera.read(2.0)) == 0
+    assert level(camera.read(20.0)) == 0
     go.set()
-    frame = camera.read(2.0)
+    frame = camera.read(20.0)
     assert (level(frame), frame.sequence, frame.dropped) == (7, 7, 6)
     camera.close()
 
@@ -118,10 +121,10 @@ def test_wrong_lengths_cost_no_more_than_the_parts_that_carry_them(
         peer.stall()
 
     camera = connected(serve(script), clock, stall_s=5.0)
-    while level(camera.read(2.0)) != 1:
+    while level(camera.read(20.0)) != 1:
         pass
     go.set()
-    while level(frame := camera.read(2.0)) != 4:
+    while level(frame := camera.read(20.0)) != 4:
         pass
     assert frame.sequence == 4
     camera.close()
@@ -141,16 +144,21 @@ def test_the_newest_picture_wins_and_overtaken_ones_are_counted(
 
     camera = connected(serve(script), clock, stall_s=5.0)
     assert sent.wait(30)
-    last = camera.read(2.0)
+    last = camera.read(20.0)
     while level(last) != 9:
-        last = camera.read(2.0)
+        last = camera.read(20.0)
     assert last.sequence == 9
     camera.close()
 
 
 def test_pictures_are_stamped_when_they_arrive(serve: Serve, clock: SystemClock, jpeg_of: Jpeg) -> None:
-    """The first bytes of the second picture come before, its last bytes after the pause."""
-    go, sent_ns = threading.Event(), []
+    """The first bytes of the second picture are read before its last ones are sent."""
+    go, sent_ns, read_ns = threading.Event(), [], []
+
+    class Noting(SystemClock):
+        def now_ns(self) -> int:
+            read_ns.append(super().now_ns())
+            return read_ns[-1]
 
     def script(peer) -> None:
         peer.head()
@@ -159,15 +167,17 @@ def test_pictures_are_stamped_when_they_arrive(serve: Serve, clock: SystemClock,
         body = jpeg_of(1)
         sent_ns.append(clock.now_ns())
         peer.raw(b'--frame\r\nContent-Length: %d\r\n\r\n' % len(body) + body[:50])
-        peer.over.wait(0.3)
+        while sum(each > sent_ns[0] for each in read_ns) < 2 and not peer.over.wait(0.01):
+            pass  # one reading may be the last of the first picture, but not both
+        sent_ns.append(clock.now_ns())
         peer.raw(body[50:])
         peer.stall()
 
-    camera = connected(serve(script), clock, stall_s=5.0)
-    camera.read(2.0)
+    camera = connected(serve(script), Noting(), stall_s=60.0)
+    camera.read(20.0)
     go.set()
-    frame = camera.read(2.0)
-    assert 0 <= frame.stamp_ns - sent_ns[0] < 0.2e9
+    frame = camera.read(20.0)
+    assert sent_ns[0] < frame.stamp_ns < sent_ns[1]
     camera.close()
 
 
@@ -177,11 +187,11 @@ def test_closing_does_not_wait_for_a_silent_server(serve: Serve, clock: SystemCl
         peer.stream(count=1)
         peer.stall()
 
-    camera = connected(serve(script), clock, stall_s=10.0)
-    camera.read(2.0)
-    started_ns = clock.now_ns()
+    camera = connected(serve(script), clock, stall_s=120.0)
+    (thread,) = (each for each in threading.enumerate() if each.name.startswith('camera '))
     camera.close()
-    assert clock.now_ns() - started_ns < 0.5e9
+    thread.join(30)
+    assert not thread.is_alive()
 
 
 def test_a_server_without_pictures_fails_to_open_in_time(serve: Serve, clock: SystemClock) -> None:
@@ -252,38 +262,34 @@ def test_a_lost_connection_is_closed_before_the_next_for_servers_that_have_one_c
             peer.stream()
 
     camera = open_camera(CameraSettings(serve(script), stall_s=0.3), clock)
-    while camera.health.level == Level.OK:
-        read_or_none(camera, 0.05)
-    deadline_ns = clock.now_ns() + 10_000_000_000
-    while camera.health.level != Level.OK and clock.now_ns() < deadline_ns:
-        read_or_none(camera, 0.05)
-    assert camera.health.level == Level.OK
+    deadline_ns = clock.now_ns() + 60_000_000_000
+    for level in (Level.ERROR, Level.OK):
+        while camera.health.level != level:
+            assert clock.now_ns() < deadline_ns
+            read_or_none(camera, 0.05)
     camera.close()
 
 
 def test_the_camera_reconnects_when_the_server_comes_back(serve: Serve, clock: SystemClock) -> None:
-    """The first connection is cut after three pictures; the second goes on."""
-    connections = []
+    """The first connection is cut after three pictures; the others go on, once the loss was seen."""
+    connections, seen = [], threading.Event()
 
     def script(peer) -> None:
         connections.append(peer)
+        if len(connections) > 1:
+            seen.wait(30)
         peer.head()
         peer.stream(count=3 if len(connections) == 1 else 10_000)
 
-    camera = open_camera(CameraSettings(serve(script), stall_s=0.5), clock)
-    frames, failures = [], 0
-    while len(connections) < 2 or not frames or len(frames) < 8:
-        frame = read_or_none(camera, 0.1)
-        if frame is not None:
-            frames.append(frame)
-            continue
-        failures += 1
-        assert camera.health.level == Level.ERROR
-        assert failures < 50
-    assert failures >= 1
+    camera = connected(serve(script), clock, stall_s=30.0)
+    frames = []
+    while camera.health.level != Level.ERROR:
+        frames.append(read_or_none(camera, 0.05))
+    seen.set()
+    frames += [camera.read(20.0) for _ in range(8)]
     assert camera.health.level == Level.OK
     assert 'reconnected so far: 1' in camera.health.message
     assert camera.description['times lost'] == '1'
-    numbers = [frame.sequence for frame in frames]
+    numbers = [frame.sequence for frame in frames if frame is not None]
     assert numbers == sorted(set(numbers))
     camera.close()

@@ -47,6 +47,13 @@ def test_waiting_for_the_first_frame_leaves_it(slot: NewestFrame) -> None:
     assert slot.take(0).stamp_ns == 1
 
 
+def test_a_camera_that_is_lost_right_after_its_first_frame_has_sent_one(slot: NewestFrame) -> None:
+    slot.put(IMAGE, 1)
+    slot.fail(DeviceLostError('gone'))
+    slot.first(0)
+    assert slot.take(0).stamp_ns == 1
+
+
 def test_a_lost_camera_is_a_timeout_with_the_reason_after_its_last_frame(slot: NewestFrame) -> None:
     slot.put(IMAGE, 1)
     slot.fail(DeviceLostError('gone'))

@@ -87,7 +87,7 @@ def test_a_camera_that_comes_back_as_another_device_goes_on(
         'serial:A1', lambda: V4l2Connection(settings, clock, device.capture, device.access, check), clock, settings
     )
     camera.open()
-    camera.read(2.0)
+    camera.read(20.0)
     deadline_s = clocks.monotonic_s() + 60
 
     def read_while(going_on: Callable[[], bool]) -> None:

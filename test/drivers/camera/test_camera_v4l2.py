@@ -17,11 +17,11 @@ from pathlib import Path
 import cv2
 import pytest
 
-from tactile_nodes.clock import SystemClock
+from tactile_nodes.clock import SystemClock, from_monotonic_ns
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.camera.reader import LiveCamera
-from tactile_nodes.drivers.camera.v4l2 import V4l2Connection, fourcc_text
+from tactile_nodes.drivers.camera.v4l2 import PAUSE_S, V4l2Connection, fourcc_text
 from tactile_nodes.drivers.camera.v4l2_controls import KernelControls, apply
 from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path
 from tactile_nodes.drivers.health import Level
@@ -62,9 +62,9 @@ def until_lost(camera: LiveCamera) -> str:
 
 def read_past(camera: LiveCamera, seconds: float) -> Frame:
     """The first frame that was taken this much later than the next one."""
-    first = frame = camera.read(2.0)
+    first = frame = camera.read(20.0)
     while frame.stamp_ns - first.stamp_ns < seconds * 1e9:
-        frame = camera.read(2.0)
+        frame = camera.read(20.0)
     return frame
 
 
@@ -82,7 +82,7 @@ def test_the_format_is_set_before_the_size_and_the_size_before_the_rate(device, 
 def test_what_was_asked_and_what_was_got_stand_side_by_side(device, start) -> None:
     device.controls = {'auto_exposure': 3, 'exposure_time_absolute': 50, 'gain': 29}
     camera = start(width=320, height=240, exposure_ms=15.6, gain=10)
-    camera.read(2.0)
+    camera.read(20.0)
     description = camera.description
     assert description['format'] == 'MJPG (requested MJPG)'
     assert description['size'] == '320x240 (requested 320x240)'
@@ -134,40 +134,46 @@ def test_a_control_that_is_asked_for_and_not_there_is_a_warning(device, start) -
 
 def test_controls_that_the_camera_forgets_are_set_again_a_second_later(device, start) -> None:
     camera = start()
-    camera.read(2.0)
+    camera.read(20.0)
     device.controls['auto_exposure'] = 3
     read_past(camera, 1.1)
     assert device.controls['auto_exposure'] == 1
 
 
-def test_frames_carry_the_stamp_of_the_kernel(device, start, clock: SystemClock) -> None:
+def arrived(device, stamp_ns: int) -> bool:
+    """Whether this is the time at which a frame was handed over, and before its picture was asked for."""
+    times = zip(device.handed_ns, device.asked_ns, strict=False)  # it goes on meanwhile
+    return any(from_monotonic_ns(handed - 1000) <= stamp_ns <= from_monotonic_ns(asked) for handed, asked in times)
+
+
+def test_frames_carry_the_stamp_of_the_kernel(device, start) -> None:
     """The emulated device stamps 50 ms before it hands a frame over."""
     device.stamp_offset_ms = -50.0
     camera = start()
-    age_ns = clock.now_ns() - camera.read(2.0).stamp_ns
-    assert 0.05e9 <= age_ns < 0.2e9
+    stamp_ns = camera.read(20.0).stamp_ns
+    assert stamp_ns in {from_monotonic_ns(round(stamp_ms * 1e6)) for stamp_ms in list(device.stamps_ms)}
     assert camera.health.level == Level.OK
 
 
-def test_senseless_stamps_give_way_to_arrival_and_say_so(device, start, clock: SystemClock) -> None:
+def test_senseless_stamps_give_way_to_arrival_and_say_so(device, start) -> None:
     device.stamp_offset_ms = 3_600_000.0
     camera = start()
-    assert 0 <= clock.now_ns() - camera.read(2.0).stamp_ns < 0.5e9
+    assert arrived(device, camera.read(20.0).stamp_ns)
     assert camera.description['stamps'].startswith("arrival (the driver's stamps are 3600.0")
     assert camera.health.level == Level.WARN
 
 
-def test_a_camera_that_gives_no_stamps_is_stamped_on_arrival(device, start, clock: SystemClock) -> None:
+def test_a_camera_that_gives_no_stamps_is_stamped_on_arrival(device, start) -> None:
     device.stamp_offset_ms = -time.monotonic() * 1000 - 1e6
     camera = start()
-    assert 0 <= clock.now_ns() - camera.read(2.0).stamp_ns < 0.5e9
+    assert arrived(device, camera.read(20.0).stamp_ns)
     assert camera.description['stamps'] == 'arrival (the driver gives no stamps)'
 
 
 def test_a_camera_with_another_format_only_gives_its_pictures_and_a_warning(device, start) -> None:
     device.formats = ('YUYV',)
     camera = start(fourcc='')
-    assert camera.read(2.0).image.shape == (480, 640, 3)
+    assert camera.read(20.0).image.shape == (480, 640, 3)
     assert camera.description['format'] == 'YUYV (requested none)'
     assert camera.health.level == Level.OK
 
@@ -177,13 +183,13 @@ def test_a_camera_that_is_slower_than_it_says_is_reported(device, start) -> None
     device.slower = 2.5
     camera = start()
     for _ in range(45):
-        camera.read(2.0)
+        camera.read(20.0)
     assert 'frames/s, but announces 100' in camera.health.message
 
 
 def test_pictures_that_opencv_cannot_convert_are_lost_and_end_in_a_sentence(device, start) -> None:
     camera = start(stall_s=0.2)
-    camera.read(2.0)
+    camera.read(20.0)
     device.unreadable = True
     assert 'no complete picture' in until_lost(camera)
 
@@ -210,10 +216,12 @@ def test_a_control_that_the_kernel_refuses_to_change_is_no_error(
 
 def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(device, start) -> None:
     camera = start()
-    first = camera.read(2.0)
-    time.sleep(0.3)  # a reader that is busy: this is the behaviour under test
+    first = camera.read(20.0)
+    enough = device.grabbed + 20
+    while device.grabbed < enough:  # a reader that is busy: this is the behaviour under test
+        time.sleep(0.01)
     grabbed = device.grabbed
-    frame = camera.read(2.0)
+    frame = camera.read(20.0)
     assert frame.sequence - first.sequence > 10
     assert frame.dropped - first.dropped == frame.sequence - first.sequence - 1
     assert frame.sequence + 1 >= grabbed - 1  # the last one may have been under way
@@ -222,45 +230,49 @@ def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(devic
 def test_pictures_that_are_cut_short_are_dropped_and_counted(device, start) -> None:
     device.spoil = lambda number, data: data[:-40] if number % 2 else data
     camera = start()
-    frames = [camera.read(2.0) for _ in range(6)]
+    frames = [camera.read(20.0) for _ in range(6)]
     assert all(later.dropped > earlier.dropped for earlier, later in itertools.pairwise(frames))
 
 
 def test_an_unplugged_camera_is_lost_at_once_and_does_not_burn_a_core(device, start) -> None:
-    camera = start()
-    camera.read(2.0)
+    camera = start(stall_s=60.0)
+    camera.read(20.0)
     device.unplug()
     assert 'was unplugged; plug it in again' in until_lost(camera)
 
 
 def test_a_camera_that_fails_every_grab_is_lost_after_the_stall_time_without_spinning(device, start) -> None:
     camera = start(stall_s=0.3)
-    camera.read(2.0)
+    camera.read(20.0)
     grabs = []
+    device.slower = 0.0
+    started = time.monotonic()
     device.spoil = lambda number, data: grabs.append(number) or b''
-    used, started = time.process_time(), time.monotonic()
-    assert re.search(r'no complete picture for 0\.\d s; check its cable', until_lost(camera))
-    assert 0.25 < time.monotonic() - started < 1.5
-    assert time.process_time() - used < 0.2
+    assert re.search(r'no complete picture for \d\.\d s; check its cable', until_lost(camera))
+    passed_s = time.monotonic() - started
+    assert passed_s >= 0.3
+    assert len(grabs) < 1 + passed_s / (0.8 * PAUSE_S)
 
 
 def test_a_stalled_camera_times_out_although_the_grab_blocks(device, start) -> None:
     camera = start()
-    camera.read(2.0)
+    camera.read(20.0)
     device.stalled.set()
-    started = time.monotonic()
+    while not device.blocked:
+        time.sleep(0.01)
     with pytest.raises(DeviceTimeoutError):
-        for _ in range(3):
+        while True:
             camera.read(0.1)
-    assert time.monotonic() - started < 0.5
+    assert device.blocked
     device.stalled.clear()
 
 
 def test_closing_releases_the_device(device, start) -> None:
     camera = start()
-    camera.read(2.0)
+    camera.read(20.0)
     camera.close()
-    assert (device.opened, device.released) == (1, 1)
+    assert device.opened == 1
+    device.wait_until_released()
 
 
 def test_a_camera_that_is_unplugged_and_plugged_in_again_goes_on(device, clock: SystemClock) -> None:
@@ -271,20 +283,18 @@ def test_a_camera_that_is_unplugged_and_plugged_in_again_goes_on(device, clock: 
             raise DeviceNotFoundError(f'there is no camera {path}')
 
     camera = live(settings, clock, device, check)
-    camera.read(2.0)
+    camera.read(20.0)
     device.unplug()
-    with pytest.raises(DeviceTimeoutError):
-        while True:
-            camera.read(0.2)
-    assert camera.health.level == Level.ERROR
+    until_lost(camera)
     device.plug()
-    deadline = time.monotonic() + 10
-    while camera.health.level == Level.ERROR and time.monotonic() < deadline:
+    deadline = time.monotonic() + 60
+    while camera.health.level != Level.OK:
+        assert time.monotonic() < deadline
         with contextlib.suppress(DeviceTimeoutError):
             camera.read(0.2)
-    assert camera.health.level == Level.OK
     camera.close()
-    assert device.opened == device.released == 2
+    assert device.opened == 2
+    device.wait_until_released()
 
 
 def test_a_missing_camera_is_reported_with_those_that_are_there(tmp_path: Path) -> None:
