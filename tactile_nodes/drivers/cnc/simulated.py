@@ -113,10 +113,10 @@ class SimulatedCnc(GuardedCnc):
 
     def _wait_until_arrived(self) -> None:
         stops = self._stops
-        while (now_ns := self._clock.now_ns()) < self._arrival_ns:
+        while (now_ns := self._clock.now_ns()) < self._arrival_ns and stops == self._stops:
             self._clock.sleep_until(min(self._arrival_ns, now_ns + SLICE_NS))
-            if stops != self._stops:
-                raise DeviceFaultError(f'{self._name}: the motion was aborted by a stop')
+        if stops != self._stops:
+            raise DeviceFaultError(f'{self._name}: the motion was aborted by a stop')
 
     def _state(self) -> CncState:
         if self._clock.now_ns() >= self._arrival_ns:

@@ -217,8 +217,9 @@ def _ask(port: Port, command: bytes) -> None:
 
 def _wait_for(port: Port, text: bytes, timeout_s: float, after: int = 0) -> bytes | None:
     """The `after` bytes that follow a text, once they have arrived; None if they do not arrive."""
-    received, deadline_s = b'', clocks.monotonic_s() + timeout_s
-    while clocks.monotonic_s() < deadline_s:
+    received, is_over, deadline_s = b'', False, clocks.monotonic_s() + timeout_s
+    while not is_over:
+        is_over = clocks.monotonic_s() >= deadline_s  # what came while this computer paused is read all the same
         received += port.read(WAIT_S)
         found = received.find(text)
         if found >= 0 and len(received) >= found + len(text) + after:

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
 from benchmarks.devices.direct_port import DirectPort
 from benchmarks.devices.marlin import Marlin, MarlinSettings
 from tactile_nodes.clock import Clock, SystemClock
+from tactile_nodes.drivers.cnc import grbl_hearing, marlin_dialogue
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc
@@ -151,8 +153,11 @@ def homed_rig(kind: str = 'marlin', **more: Any) -> Rig:
 
 
 @contextlib.contextmanager
-def pty_rig(kind: str, folder: Path, **more: Any) -> Iterator[Rig]:
-    """Through a pseudo terminal and the operating system, in real time, connected as a program does it."""
+def pty_rig(kind: str, folder: Path, silent_s: float = 10.0, **more: Any) -> Iterator[Rig]:
+    """Through a pseudo terminal and the operating system, in real time, connected as a program does it.
+
+    An emulated controller may have to wait for a processor, as no real one does: it counts as silent after `silent_s`.
+    """
     start_mm = (-119.0, -119.0, -1.0) if kind == 'marlin' else (-1.0, -1.0, -1.0)  # near its switches
     clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
     zero = (120.0, 120.0, 60.0) if kind == 'marlin' else (0.0, 0.0, 0.0)
@@ -160,7 +165,12 @@ def pty_rig(kind: str, folder: Path, **more: Any) -> Iterator[Rig]:
         yield Rig(open_cnc(settings_of(kind, **more), clock, machine=world), world, clock)
         return
     device = device_of(kind, world, clock)
-    with PtyPort(device, clock, folder / 'ttyTEST', reset_on_open=True) as port:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        PtyPort(device, clock, folder / 'ttyTEST', reset_on_open=True) as port,
+    ):
+        for dialogue in (grbl_hearing, marlin_dialogue):
+            patch.setattr(dialogue, 'SILENT_S', silent_s)
         settings = settings_of(kind, source=str(port.path), **more)
         with contextlib.closing(open_cnc(settings, clock)) as cnc:
             yield Rig(cnc, world, clock, zero, device, port)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -259,23 +260,59 @@ def test_a_closed_machine_says_so(homed: Rig) -> None:
 
 
 @pytest.mark.parametrize('kind', ['grbl', 'marlin', 'simulated'])
-def test_a_stop_from_another_thread_breaks_off_who_waits(kind: str, tmp_path: Path) -> None:
+def test_a_stop_from_another_thread_breaks_off_who_waits(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Through the operating system's serial layer, in real time."""
+    begun = threading.Event()
     with pty_rig(kind, tmp_path, home_s=20.0) as rig:
         rig.cnc.home()
         rig.cnc.move(x=rig.at(-60, 0, 0)[0], feed=600.0)
         caught: list[BaseException] = []
+        where, name = (rig.clock, 'sleep_until') if kind == 'simulated' else (rig.cnc, '_require_ready')
+        monkeypatch.setattr(where, name, noting(begun, getattr(where, name)))
         waiter = threading.Thread(target=lambda: caught.append(raised_by(rig.cnc.wait_idle)))
         waiter.start()
+        assert begun.wait(30)
+        monkeypatch.undo()
         rig.clock.sleep_until(rig.clock.now_ns() + 300_000_000)
         rig.cnc.stop()
-        waiter.join(5)
+        waiter.join(60)
         assert isinstance(caught[0], DeviceFaultError)
         assert 'stop' in str(caught[0])
         status = rig.cnc.status()
         assert status.homed
         assert status.position_mm == pytest.approx(rig.tip, abs=0.01)
         assert rig.at(-60, 0, 0)[0] < rig.tip[0] or kind == 'marlin'
+
+
+def noting(event: threading.Event, call: Callable[..., object]) -> Callable[..., object]:
+    """The same, and it is noted that it was called."""
+
+    def noted(*args: object) -> object:
+        event.set()
+        return call(*args)
+
+    return noted
+
+
+def test_a_stop_just_before_the_simulated_machine_looks_whether_it_has_arrived_breaks_off_who_waits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The tip rests by then, and the time of its arrival is over."""
+    rig = direct_rig('simulated')
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.cnc.move(x=-60.0, feed=600.0)
+
+    def stop_first() -> int:
+        monkeypatch.undo()
+        rig.cnc.stop()
+        return rig.clock.now_ns()
+
+    monkeypatch.setattr(rig.clock, 'now_ns', stop_first)
+    with pytest.raises(DeviceFaultError, match='aborted by a stop'):
+        rig.cnc.wait_idle()
 
 
 def test_settings_come_from_a_parameter_file() -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from ft_rigs import LOAD, RIGS, Rig, assert_counted, read, read_until, rig_of
+from ft_rigs import LOAD, RIGS, Rig, assert_counted, lose, read, read_until, rig_of, working
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings, Sample
@@ -18,7 +18,6 @@ from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import (
     ConfigurationError,
     DeviceError,
-    DeviceLostError,
     DeviceNotFoundError,
     DeviceTimeoutError,
 )
@@ -40,7 +39,7 @@ def hardware(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
 
 @dataclass
 class Session:
-    """What was read of a sensor that works: at least 101 samples from its opening on."""
+    """What was read of a sensor that works: at least 301 samples from its opening on."""
 
     opened_ns: int
     samples: list[Sample]
@@ -54,7 +53,7 @@ def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     clock = SystemClock()
     with rig_of(request.param, tmp_path_factory.mktemp('rig')) as opened:
         sensor, opened_ns = opened.open(), clock.now_ns()
-        samples = read(sensor, 101)
+        samples = read(sensor, 301)
         return Session(opened_ns, samples, clock.now_ns(), sensor.axes, sensor.rate_hz)
 
 
@@ -75,8 +74,8 @@ def test_stamps_increase_and_are_neither_in_the_future_nor_old(session: Session)
 
 
 def test_stamps_follow_the_rate_evenly_however_unevenly_samples_arrive(session: Session) -> None:
-    """Over 100 periods, within 2 %, which leaves 4 ms of 200 for the clock that settles."""
-    period_s = (session.samples[100].stamp_ns - session.samples[0].stamp_ns) / 100e9
+    """Over 300 periods, within 2 %, which leaves 12 ms of 600 for the clock that settles."""
+    period_s = (session.samples[300].stamp_ns - session.samples[0].stamp_ns) / 300e9
     assert math.isclose(period_s * session.rate_hz, 1.0, abs_tol=0.02)
 
 
@@ -123,9 +122,7 @@ def test_a_listener_gets_every_sample_that_is_read(rig: Rig) -> None:
 
 def test_health_and_description_speak_of_a_sensor_that_works(rig: Rig) -> None:
     sensor = rig.open()
-    # On a busy machine the first samples may come too unevenly to tell the sensor's clock by.
-    read_until(sensor, lambda sample: sensor.health.level == Level.OK)
-    assert 'samples/s' in sensor.health.message
+    assert 'samples/s' in working(sensor).message
     assert sensor.description['kind']
 
 
@@ -147,24 +144,23 @@ def test_it_can_be_opened_again_and_counts_from_the_beginning(rig: Rig) -> None:
 
 
 def test_a_silent_sensor_is_a_timeout_and_never_a_zero(hardware: Rig) -> None:
-    sensor, clock = hardware.open(lost_s=5.0), SystemClock()
+    sensor, clock = hardware.open(), SystemClock()
     hardware.faults.silent = True
+    while 'silent' not in sensor.health.message:
+        clock.sleep_until(clock.now_ns() + 5_000_000)
     with pytest.raises(DeviceTimeoutError, match='sent no sample within'):
         while True:
             started_ns = clock.now_ns()
             sensor.read(0.1)
-    assert 0.09e9 < clock.now_ns() - started_ns < 1e9
+    assert clock.now_ns() - started_ns > 0.09e9
     assert sensor.health.level == Level.ERROR
-    assert 'silent' in sensor.health.message
 
 
 def test_a_sensor_that_is_lost_says_so_and_comes_back_by_itself(hardware: Rig) -> None:
     sensor = hardware.open()
     before = read(sensor)[-1]
     hardware.take_away()
-    with pytest.raises(DeviceLostError):
-        while True:
-            before = sensor.read(1.0)[-1]
+    before = lose(hardware, sensor, before)
     assert sensor.health.level == Level.ERROR
     hardware.bring_back()
     back = read_until(sensor, lambda sample: True)

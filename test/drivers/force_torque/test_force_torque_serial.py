@@ -124,6 +124,19 @@ def test_a_device_that_does_not_answer_is_a_timeout(monkeypatch: pytest.MonkeyPa
         bota.set_up(ScriptedPort(b'App Init', [(b'C', b'unknown command')]), 512, 460_800)
 
 
+def test_an_answer_that_was_there_before_this_computer_paused_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+
+    def late() -> float:
+        now_s[0] += 2.0
+        return now_s[0]
+
+    monkeypatch.setattr(bota.clocks, 'monotonic_s', late)
+    port = ScriptedPort(b'App Init\r\n', list(DIALOGUE))
+    bota.set_up(port, 512, 460_800)
+    port.close()
+
+
 @pytest.mark.parametrize(
     ('line', 'expected'),
     [
@@ -295,7 +308,7 @@ class Board:
     def __init__(self, boot_s: float, rate_hz: float = 100.0) -> None:
         self._begin_s = monotonic_s() + boot_s
         self._rate_hz = rate_hz
-        self._sent = 0
+        self.sent = 0
         self.pulled = False
 
     def write(self, data: bytes) -> None:
@@ -304,12 +317,12 @@ class Board:
     def read(self, timeout_s: float) -> bytes:
         if self.pulled:
             raise DeviceLostError('the board is gone')
-        due_s = self._begin_s + (self._sent + 1) / self._rate_hz
+        due_s = self._begin_s + (self.sent + 1) / self._rate_hz
         time.sleep(max(0.0, min(timeout_s, due_s - monotonic_s())))
         if monotonic_s() < due_s:
             return b''
-        self._sent += 1
-        return b'%d,%d\n' % (round(self._sent * 1e6 / self._rate_hz), self._sent * 7 % 11)
+        self.sent += 1
+        return b'%d,%d\n' % (round(self.sent * 1e6 / self._rate_hz), self.sent * 7 % 11)
 
     def close(self) -> None:
         """Nothing to close."""
@@ -317,9 +330,10 @@ class Board:
 
 def test_a_board_that_starts_longer_than_garbage_is_borne_with_is_not_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
     """An Arduino takes two seconds, and the first of its lines is not believed."""
-    monkeypatch.setattr(text, 'GARBAGE_S', 0.2)
+    board = Board(0.0)
+    monkeypatch.setattr(text.clocks, 'monotonic_s', lambda: monotonic_s() + 10 * text.GARBAGE_S * (board.sent > 0))
     settings, clock = ForceTorqueSettings('text:board'), SystemClock()
-    connection = text.TextLineConnection(Board(0.4), settings, clock)
+    connection = text.TextLineConnection(board, settings, clock)
     queue = SampleQueue('board', 100, SampleCheck())
     while queue.newest is None:
         connection.fetch(queue)
@@ -346,12 +360,13 @@ def test_a_board_that_starts_longer_than_silence_is_borne_with_comes_back() -> N
 
 
 def test_a_bota_that_takes_long_to_start_may_send_half_a_frame_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bota, 'GARBAGE_S', 0.1)
+    now_s = [100.0]
+    monkeypatch.setattr(bota.clocks, 'monotonic_s', lambda: now_s[0])
 
     class Slow(ScriptedPort):
         def read(self, timeout_s: float) -> bytes:
             if self._to_say and self._to_say[0].startswith(b'App'):
-                time.sleep(0.2)
+                now_s[0] += 1.2 * bota.GARBAGE_S
             return super().read(timeout_s)
 
     port = Slow(b'App Init\r\n', list(DIALOGUE))

@@ -13,12 +13,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ft_rigs import LOAD, Rig, assert_counted, net_ft_rig, read, read_until
+from ft_rigs import LOAD, LOST_S, Rig, assert_counted, net_ft_rig, read, read_until, working
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
 from tactile_nodes.drivers.force_torque.check import SampleCheck
-from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSettings, NetFtSettings, Sample
+from tactile_nodes.drivers.force_torque.contract import (
+    Flag,
+    ForceTorqueSensor,
+    ForceTorqueSettings,
+    NetFtSettings,
+    Sample,
+)
 from tactile_nodes.drivers.force_torque.net_ft import NetFtConnection
 from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.force_torque.queue import SampleQueue
@@ -48,7 +54,7 @@ def rig_with(tmp_path: Path) -> Iterator[Make]:
         yield make
 
 
-def wait_for(condition: Callable[[], bool], within_s: float = 3.0) -> None:
+def wait_for(condition: Callable[[], bool], within_s: float = 60.0) -> None:
     deadline = time.monotonic() + within_s
     while not condition():
         assert time.monotonic() < deadline
@@ -61,14 +67,16 @@ def test_the_driver_asks_for_a_finite_count_and_stops_the_box_when_it_closes(rig
     box = rig.device.box
     assert box.requests[0] == (rdt.START_REALTIME, 5000)  # 10 s at 500 Hz
     sensor.close()
-    wait_for(lambda: box.requests[-1][0] == rdt.STOP)
-    assert box.client is None
+    wait_for(lambda: box.requests[-1][0] == rdt.STOP and box.client is None)
 
 
 def test_the_request_is_renewed_without_losing_a_record(rig_with: Make) -> None:
-    rig = rig_with(renew_s=0.2, count_s=1.0)
-    samples = read(rig.open(lost_s=5.0), 400)
-    assert len([command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]) >= 3
+    rig = rig_with(renew_s=0.2, count_s=60.0)
+    sensor = rig.open()
+    samples = read(sensor)
+    while sum(command == rdt.START_REALTIME for command, _ in rig.device.box.requests) < 4:
+        samples += read(sensor)
+    samples += read(sensor)
     assert samples[-1].dropped == 0
     assert_counted(samples)
 
@@ -77,17 +85,25 @@ def test_the_box_stops_by_itself_when_the_host_dies(rig_with: Make) -> None:
     rig = rig_with()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as host:
         host.sendto(rdt.request(rdt.START_REALTIME, 20), ('127.0.0.1', rig.device.rdt_port))
-        wait_for(lambda: rig.device.box.client is not None)
+        host.settimeout(30.0)
+        assert rdt.record_in(host.recv(64))
     wait_for(lambda: rig.device.box.client is None)
 
 
-def test_a_start_that_gets_lost_is_repeated(rig_with: Make) -> None:
-    rig = rig_with()
+def test_a_start_that_gets_lost_is_repeated_until_records_come(rig_with: Make) -> None:
+    rig = rig_with(start_tries=200, renew_s=60.0, count_s=120.0)
     rig.faults.silent = True
-    threading.Timer(0.35, rig.bring_back).start()
-    read(rig.open(), 5)
-    starts = [command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]
-    assert 2 <= len(starts) <= 10
+    opened: list[ForceTorqueSensor] = []
+    opening = threading.Thread(target=lambda: opened.append(rig.open()))
+    opening.start()
+    wait_for(lambda: len(rig.device.box.requests) > 2)
+    rig.bring_back()
+    opening.join()
+    read(opened[0], 5)
+    requests = list(rig.device.box.requests)
+    assert {command for command, _ in requests} == {rdt.START_REALTIME}
+    read(opened[0], 100)
+    assert rig.device.box.requests == requests
 
 
 def test_a_box_that_never_starts_is_a_timeout_with_advice(rig_with: Make) -> None:
@@ -165,7 +181,7 @@ def test_a_stalled_front_end_is_no_measurement(rig_with: Make) -> None:
     rig.faults.stalled = True
     sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.STALLED))
     assert not sample.usable
-    assert 'stalled' in sensor.health.message
+    read_until(sensor, lambda _: 'stalled' in sensor.health.message)
     rig.faults.stalled = False
     assert read_until(sensor, lambda sample: sample.usable).flags == 0
 
@@ -181,16 +197,16 @@ def test_a_fault_of_the_box_is_passed_on_with_its_status(rig_with: Make) -> None
 def test_a_threshold_in_the_box_is_seen_and_is_no_fault(rig_with: Make) -> None:
     rig = rig_with()
     sensor = rig.open()
-    assert not read(sensor, 5)[-1].flags
+    read_until(sensor, lambda sample: not sample.flags)
     rig.faults.status = 1 << 16
     sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.THRESHOLD))
     assert sample.usable
-    assert sensor.health.level == Level.WARN
+    working(sensor, Level.WARN)
 
 
 def test_another_client_takes_the_stream_and_the_first_falls_silent(rig_with: Make) -> None:
     rig = rig_with()
-    first = rig.open(lost_s=5.0)
+    first = rig.open()
     second = rig.open()
     read(second)
     with pytest.raises(DeviceTimeoutError):
@@ -206,6 +222,7 @@ def test_a_box_that_was_restarted_is_found_again_with_a_clock_that_begins_anew(r
     box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=0)
     box.request(rdt.request(rdt.STOP), ('127.0.0.1', 9), 0)
     rig.faults.silent = False
+    rig.clock.advance(1.1 * LOST_S)
     after = read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED))
     assert after.device_ticks < before.device_ticks
     assert after.stamp_ns > before.stamp_ns
@@ -266,8 +283,7 @@ def test_the_driver_changes_nothing_in_the_box(rig_with: Make) -> None:
 def test_another_rate_than_the_one_asked_for_is_a_warning(rig_with: Make) -> None:
     rig = rig_with()
     sensor = rig.open(rate_hz=1000.0)
-    read_until(sensor, lambda _: sensor.health.level == Level.WARN)  # on a busy machine it may be silent for a moment
-    assert '1000 samples/s were requested, but the box sends 500' in sensor.health.message
+    assert '1000 samples/s were requested, but the box sends 500' in working(sensor, Level.WARN).message
 
 
 @pytest.mark.parametrize(('axia', 'requested_hz'), [(False, 150.0), (True, 350.0)])
@@ -285,12 +301,12 @@ def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(
 
     monkeypatch.setattr(rig.device, 'change', change)
     sensor = rig.open(rate_hz=requested_hz)
-    read_until(sensor, lambda _: sensor.health.level == Level.OK)  # on a busy machine a sample may be old for a moment
+    working(sensor)
     assert sensor.rate_hz == pytest.approx({150.0: 7000 / 46, 350.0: 350.0}[requested_hz])
 
 
 def test_every_record_at_the_highest_rate(rig_with: Make) -> None:
     rig = rig_with(NetFtConfig(divider=1))
-    samples: list[Sample] = read(rig.open(queue=20_000, lost_s=5.0), 4000)  # a busy machine may pause for a while
+    samples: list[Sample] = read(rig.open(), 4000)
     assert samples[-1].dropped == 0
     assert_counted(samples)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import http.server
-import itertools
 import socket
 import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
-from ft_rigs import assert_counted, read
+from ft_rigs import LOST_S, assert_counted, read, working
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
@@ -57,6 +56,7 @@ class OtherBox:
         self._over = threading.Event()
         self._threads = [threading.Thread(target=self._run), threading.Thread(target=self._http.serve_forever)]
         self.requests: list[tuple[int, int]] = []
+        self.starts = 0
 
     def __enter__(self) -> OtherBox:
         for thread in self._threads:
@@ -75,7 +75,7 @@ class OtherBox:
     @property
     def settings(self) -> NetFtSettings:
         rdt_port, http_port = self._listening.getsockname()[1], self._http.server_address[1]
-        return NetFtSettings(rdt_port=rdt_port, http_port=http_port, count_s=1.0, renew_s=0.5)
+        return NetFtSettings(rdt_port=rdt_port, http_port=http_port, renew_s=0.5)
 
     def _pages(self) -> type[http.server.BaseHTTPRequestHandler]:
         page = self._page
@@ -102,6 +102,7 @@ class OtherBox:
                     left = 0
                 elif not (left and self._habits.deaf_while_sending):
                     client, left, number = sender, count, self._habits.first
+                    self.starts += 1
             while time.monotonic() >= due:
                 due, internal = due + 1 / RATE_HZ, internal + self._habits.step
                 if left and client is not None:
@@ -123,8 +124,9 @@ Start = Callable[[OtherBox], object]
 def start() -> Iterator[Start]:
     with contextlib.ExitStack() as stack:
 
-        def opened(box: OtherBox, **more: object) -> object:
-            settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=box.settings, same_values=0, **more)
+        def opened(box: OtherBox, count_s: float = 60.0) -> object:
+            ports = replace(box.settings, count_s=count_s)
+            settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=ports, same_values=0, lost_s=LOST_S)
             return stack.enter_context(contextlib.closing(open_force_torque(settings, SystemClock())))
 
         yield opened
@@ -156,11 +158,11 @@ def test_what_a_stranger_sends_is_not_the_boxs(start: Start) -> None:
 
 
 def test_a_box_that_is_deaf_while_it_sends_is_asked_again_as_soon_as_it_has_ended(start: Start) -> None:
-    """Its second of records ends twice; between two of them lies a try of 0.1 s, not the whole renewal."""
+    """Its second of records ends twice; meanwhile it is asked every 0.1 s, and not once in a renewal of 0.5 s."""
     with OtherBox(Habits(deaf_while_sending=True)) as box:
-        samples = read(start(box, lost_s=2.0), round(2.2 * RATE_HZ))
-    gaps = [later.stamp_ns - earlier.stamp_ns for earlier, later in itertools.pairwise(samples)]
-    assert max(gaps) < 0.3e9
+        samples = read(start(box, count_s=1.0), round(2.2 * RATE_HZ))
+        assert box.starts >= 3
+        assert len(box.requests) - box.starts > 3
     assert_counted(samples)
 
 
@@ -184,11 +186,13 @@ def test_the_internal_rate_is_the_boxs_own(start: Start) -> None:
 
 
 def test_a_counter_of_records_in_place_of_internal_samples_is_reported_and_arrival_counts(start: Start) -> None:
-    """One a record, where 28 were announced: by that counter the sensor would be further behind every second."""
+    """One a record, where 28 were announced: by that counter the sensor would be further behind every second.
+
+    A machine that stands still for a moment looks alike at first, so it may take some time.
+    """
     with OtherBox(Habits(step=1)) as box:
         sensor = start(box)
-        samples = read(sensor, 500)
-        assert max(sample.arrival_ns - sample.stamp_ns for sample in samples[250:]) < 1e6
-        assert sensor.health.level == Level.WARN
-        assert 'does not keep the announced rate' in sensor.health.message
+        batches = (read(sensor, 100) for _ in range(50))
+        assert any(max(sample.arrival_ns - sample.stamp_ns for sample in batch) < 1e6 for batch in batches)
+        assert 'does not keep the announced rate' in working(sensor, Level.WARN).message
         assert sensor.rate_hz == 250.0
