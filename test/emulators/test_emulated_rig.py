@@ -55,29 +55,29 @@ def test_fault_that_a_sensor_cannot_have_is_refused(rig: EmulatedRig, serial_rig
 
 
 def test_rig_is_at_rest_only_when_nobody_commands_it(rig: EmulatedRig, tmp_path: Path) -> None:
-    assert rig.rest(1.0)
+    assert rig.rest(30.0)
     port = os.open(tmp_path / 'cnc', os.O_RDWR | os.O_NOCTTY)
     try:
-        deadline_s = monotonic_s() + 5.0
+        deadline_s = monotonic_s() + 60.0
         while rig.rest(0.05) and monotonic_s() < deadline_s:
             pass
         assert not rig.rest(0.1)
     finally:
         os.close(port)
-    assert rig.rest(5.0)
+    assert rig.rest(60.0)
 
 
 def test_rig_is_at_rest_only_when_its_motors_are(rig: EmulatedRig) -> None:
     clock = SystemClock()
     arrives_ns = rig.world.go((-50.0, -70.0, -10.0), 10.0, clock.now_ns())
-    assert rig.rest(5.0)
+    assert rig.rest(60.0)
     assert clock.now_ns() >= arrives_ns
 
 
 def test_trace_tells_faults_and_where_the_tip_is(rig: EmulatedRig, tmp_path: Path) -> None:
     rig.switch(RigFaults(silent_camera=True))
     rig.switch(RigFaults())
-    deadline_s = monotonic_s() + 5.0
+    deadline_s = monotonic_s() + 60.0
     while 'tip' not in (tmp_path / 'trace').read_text() and monotonic_s() < deadline_s:
         rig.rest(0.01)
     entries = [json.loads(line) for line in (tmp_path / 'trace').read_text().splitlines()]

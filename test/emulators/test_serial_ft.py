@@ -132,14 +132,14 @@ def test_garbage_is_as_long_as_what_it_replaces() -> None:
 
 def test_on_its_terminal_it_can_be_read_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
     with PtySensor(TextLineSensor(Step()), SystemClock(), tmp_path / 'ttyFT') as device:
-        with serial.Serial(str(device.path), 115_200, timeout=2.0) as port:
+        with serial.Serial(str(device.path), 115_200, timeout=30.0) as port:
             _assert_samples(port)
             device.unplug()
             assert not device.path.exists()
             with pytest.raises(serial.SerialException):
                 port.read(1000)
         device.plug()
-        with serial.Serial(str(device.path), 115_200, timeout=2.0) as port:
+        with serial.Serial(str(device.path), 115_200, timeout=30.0) as port:
             _assert_samples(port)
 
 
