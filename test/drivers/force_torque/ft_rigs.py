@@ -95,7 +95,8 @@ def net_ft_rig(folder: Path, config: NetFtConfig | None = None, **net_ft: object
     ticks = DeviceClock(7000, clock.now_ns(), NEAR_WRAP, drift_ppm=100)
     box = NetFtBox(world, config or NetFtConfig(divider=14), ticks, noise=(0.002, 0.0001))
     with NetFtServer(box, clock) as server:
-        ports = NetFtSettings(rdt_port=server.rdt_port, http_port=server.http_port, **net_ft)
+        more = {'start_tries': 200, **net_ft}  # the emulated box may have to wait for a processor
+        ports = NetFtSettings(rdt_port=server.rdt_port, http_port=server.http_port, **more)
         settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=ports, lost_s=LOST_S)
 
         def take_away() -> None:
@@ -112,12 +113,12 @@ def bota_rig(folder: Path) -> Iterator[Rig]:
     clock, world = SystemClock(), Load()
     talker = BotaSensor(world, microsecond_clock(clock.now_ns(), NEAR_WRAP, 100))
     with PtySensor(talker, clock, folder / 'ttyBota') as device:
-        settings = ForceTorqueSettings(f'bota:{device.path}', rate_hz=512.0, lost_s=LOST_S)
+        settings = ForceTorqueSettings(f'bota:{device.path}', rate_hz=200.0, lost_s=LOST_S)
         yield emulated(settings, world, talker.faults, device, device.unplug, device.plug)
 
 
 @contextlib.contextmanager
-def text_rig(folder: Path, rate_hz: float = 400.0) -> Iterator[Rig]:
+def text_rig(folder: Path, rate_hz: float = 200.0) -> Iterator[Rig]:
     """A load cell for Fz on a converter; faster than an HX711, so that the tests are."""
     clock, world = SystemClock(), Load()
     talker = TextLineSensor(world, clock=microsecond_clock(clock.now_ns(), NEAR_WRAP, 100), rate_hz=rate_hz)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ft_rigs import LOAD, LOST_S, Rig, assert_counted, net_ft_rig, read, read_until, working
+from ft_rigs import LOAD, Rig, assert_counted, lose, net_ft_rig, read, read_until, working
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
@@ -91,7 +91,7 @@ def test_the_box_stops_by_itself_when_the_host_dies(rig_with: Make) -> None:
 
 
 def test_a_start_that_gets_lost_is_repeated_until_records_come(rig_with: Make) -> None:
-    rig = rig_with(start_tries=200, renew_s=60.0, count_s=120.0)
+    rig = rig_with(renew_s=60.0, count_s=120.0)
     rig.faults.silent = True
     opened: list[ForceTorqueSensor] = []
     opening = threading.Thread(target=lambda: opened.append(rig.open()))
@@ -159,9 +159,10 @@ def test_doubled_late_and_malformed_datagrams_are_counted_and_spoil_nothing(rig_
     read(sensor, 10)
     rig.faults.duplicate, rig.faults.swap, rig.faults.malformed = 3, 2, 4
     wait_for(lambda: not (rig.faults.duplicate or rig.faults.swap or rig.faults.malformed))
-    samples = read(sensor, 60)
+    samples, lost = read(sensor), 4 + 2  # the malformed, and those that came too late
+    while samples[-1].dropped < lost:
+        samples += read(sensor)
     assert_counted(samples)
-    lost = 4 + 2  # the malformed, and those that came too late
     assert samples[-1].dropped == lost
     assert sensor.description['records lost, doubled, late, malformed'] == '6, 3, 2, 4'
 
@@ -171,7 +172,10 @@ def test_random_loss_is_counted_to_the_last_record(rig_with: Make) -> None:
     sensor = rig.open()
     rig.faults.loss_rate = 0.05
     samples = read(sensor, 300)
+    while samples[-1].dropped < 10:
+        samples += read(sensor)
     assert_counted(samples)
+    samples = samples[len(samples) // 2 :]  # a start that was repeated has begun a stream anew, at another sample
     assert samples[-1].device_ticks - samples[0].device_ticks == 14 * (samples[-1].sequence - samples[0].sequence)
 
 
@@ -219,12 +223,12 @@ def test_a_box_that_was_restarted_is_found_again_with_a_clock_that_begins_anew(r
     sensor, box = rig.open(), rig.device.box
     before = read(sensor)[-1]
     rig.faults.silent = True
+    before = lose(rig, sensor, before)
     box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=0)
     box.request(rdt.request(rdt.STOP), ('127.0.0.1', 9), 0)
     rig.faults.silent = False
-    rig.clock.advance(1.1 * LOST_S)
     after = read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED))
-    assert after.device_ticks < before.device_ticks
+    assert after.device_ticks <= box.clock.count(SystemClock().now_ns())
     assert after.stamp_ns > before.stamp_ns
 
 
@@ -234,8 +238,8 @@ def test_a_box_that_is_back_before_it_counts_as_lost_is_opened_again_as_its_unit
     rig = rig_with()
     box, queue = rig.device.box, SampleQueue('box', 5000, SampleCheck())
     with contextlib.closing(NetFtConnection('127.0.0.1', rig.settings, SystemClock())) as connection:
-        while queue.newest is None or queue.newest.device_ticks < 2**32 + 3500:  # half a second after it wrapped
-            connection.fetch(queue)
+        while queue.newest is None or not 3500 < queue.newest.device_ticks % 2**32 < 2**31:
+            connection.fetch(queue)  # until half a second after it wrapped
         box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=0)
         connection._request()
         with pytest.raises(DeviceLostError, match='has restarted'):
@@ -268,7 +272,7 @@ def test_stamps_are_those_of_the_boxs_own_clock(rig_with: Make) -> None:
     rig = rig_with()
     clock = rig.device.box.clock
     samples = read(rig.open(), 200)
-    late_ns = [sample.stamp_ns - clock.time_ns(sample.device_ticks - clock.offset) for sample in samples]
+    late_ns = [sample.stamp_ns - clock.time_ns((sample.device_ticks - clock.offset) % 2**32) for sample in samples]
     assert 0 <= min(late_ns) < 3e6
     assert max(after - before for before, after in itertools.pairwise(late_ns)) < 1e5
 

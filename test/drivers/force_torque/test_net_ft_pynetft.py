@@ -33,12 +33,12 @@ def server() -> Iterator[NetFtServer]:
 def client(server: NetFtServer) -> Iterator[object]:
     config = pynetft.Config(sensor_host='127.0.0.1', rdt_port=server.rdt_port, http_port=server.http_port)
     with pynetft.Client(config, queue_size=1000) as running:
-        assert running.wait_for_first_sample(3.0)
+        assert running.wait_for_first_sample(30.0)
         yield running
 
 
 def wait_for(condition) -> None:
-    deadline = time.monotonic() + 3
+    deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)
