@@ -20,7 +20,7 @@ LASTS = """launch: [{executable: {cmd: "sleep 60"}}]"""
 
 
 def until(happens: Callable[[], bool]) -> None:
-    deadline_s = monotonic_s() + 20
+    deadline_s = monotonic_s() + 60
     while not happens():
         assert monotonic_s() < deadline_s
         time.sleep(0.005)
@@ -51,10 +51,9 @@ def test_one_that_fails_is_reported_and_started_again_until_it_lasts(tmp_path: P
     until(lambda: 'restarted' in tested.trouble)
     assert tested.trouble == 'restarted, not stable yet; last failure: sh-1 failed: no camera'
     until(lambda: any('sleep-1' in line.source for line in lines))
-    began_s = monotonic_s()
     tested.stop()
-    tested.join(10.0)
-    assert monotonic_s() - began_s < 5.0
+    tested.join(50.0)  # less than the minute that it would last
+    assert not tested._thread.is_alive()
 
 
 def test_one_that_ends_cleanly_is_not_blamed_with_what_it_had_survived(tmp_path: Path) -> None:
@@ -76,7 +75,7 @@ def test_one_that_ends_cleanly_is_not_blamed_with_what_it_had_survived(tmp_path:
     until(lambda: bool(tested.trouble))
     assert tested.trouble.removeprefix('restarted, not stable yet; last failure: ') == 'it ended'
     tested.stop()
-    tested.join(10.0)
+    tested.join(60.0)
 
 
 def test_what_cannot_even_be_launched_is_reported(tmp_path: Path) -> None:
@@ -84,7 +83,7 @@ def test_what_cannot_even_be_launched_is_reported(tmp_path: Path) -> None:
     tested.start()
     until(lambda: tested.trouble == 'there is no parameter file')
     tested.stop()
-    tested.join(10.0)
+    tested.join(60.0)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +107,7 @@ def test_one_that_finds_no_room_is_reported_and_tried_again(tmp_path: Path, erro
     full[0] = False
     until(lambda: any('sleep-1' in line.source for line in lines))
     tested.stop()
-    tested.join(10.0)
+    tested.join(60.0)
 
 
 def test_of_failures_for_one_reason_only_the_last_leaves_its_logs(tmp_path: Path) -> None:
@@ -117,7 +116,7 @@ def test_of_failures_for_one_reason_only_the_last_leaves_its_logs(tmp_path: Path
     tested.start()
     until(lambda: any('sleep-1' in line.source for line in lines))
     tested.stop()
-    tested.join(10.0)
+    tested.join(60.0)
     left = sorted(tmp_path.glob('*/launch.log'))
     assert len([log for log in left if not log.parent.is_symlink()]) == 3
     assert (tmp_path / 'latest/launch.log').is_file()
@@ -129,14 +128,14 @@ def test_one_that_runs_is_no_trouble(tmp_path: Path) -> None:
     until(lambda: any('sleep-1' in line.source for line in lines))
     assert tested.trouble == ''
     tested.stop()
-    tested.join(10.0)
+    tested.join(60.0)
 
 
 def test_one_that_has_settled_is_no_trouble_any_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(again, 'SETTLED_S', 0.5)
     tested, _ = launched(tmp_path, FAILS, LASTS)
     tested.start()
     until(lambda: 'restarted' in tested.trouble)
+    monkeypatch.setattr(again, 'SETTLED_S', 0.5)
     until(lambda: tested.trouble == '')
     tested.stop()
-    tested.join(10.0)
+    tested.join(60.0)

@@ -1,5 +1,6 @@
 """`tactile launch` as a process among others: signals, terminals, and what is left when it is gone."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -59,7 +60,7 @@ def start(tmp_path):
     for process in started:
         if process.poll() is None:
             process.kill()
-        process.wait(10)
+        process.wait(60)
         if process.stdout:
             process.stdout.close()
 
@@ -119,7 +120,7 @@ def test_nothing_is_left_when_the_launcher_is_killed(running):
     process, pids = running
     process.kill()
     process.wait(30)
-    wait_until_gone(pids, 5)
+    wait_until_gone(pids, 60)
 
 
 def test_a_node_can_close_its_file_when_the_launcher_is_killed(start, launch_file, program, tmp_path):
@@ -132,7 +133,7 @@ def test_a_node_can_close_its_file_when_the_launcher_is_killed(start, launch_fil
     process = start(launch_file(f'- executable: {{cmd: {path}, output: screen}}\n'))
     read_until(process.stdout, '] ready')
     process.kill()
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while not (tmp_path / 'closed').exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     assert (tmp_path / 'closed').exists()
@@ -149,7 +150,9 @@ def test_ctrl_c_in_a_terminal_ends_everything_without_a_second_signal(start, lau
             seen += terminal.read(1000)
         terminal.write(b'\x03')
         assert process.wait(30) == 0
-        seen += terminal.read(10_000)
+        with contextlib.suppress(OSError):  # EIO: the end
+            while read := terminal.read(10_000):
+                seen += read
     assert b'user interrupted with ctrl-c (SIGINT)' in seen
     assert b'escalating' not in seen
     assert b'[program-1] closed' in seen
@@ -184,4 +187,4 @@ def test_a_launch_within_a_launch_leaves_nothing_either(start, launch_file, prog
     pids = [number_after(lines, 'grandchild'), number_after(lines, 'ready')]
     process.kill()
     process.wait(30)
-    wait_until_gone(pids, 8)
+    wait_until_gone(pids, 60)

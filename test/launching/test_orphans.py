@@ -9,6 +9,7 @@ import time
 import pytest
 
 from tactile_nodes.launching.processes import child, orphans
+from tactile_nodes.launching.processes.output import LaunchLog
 
 
 def test_a_grandchild_goes_with_its_parent(launch, program, tmp_path):
@@ -43,6 +44,20 @@ def test_what_a_process_wrote_last_is_shown_though_something_holds_its_output_op
     assert [line.split()[-1] for line in shown if '] line ' in line] == [str(number) for number in range(30)]
 
 
+def test_what_a_process_wrote_last_is_shown_before_its_end_however_late_it_is_read(launch, program, monkeypatch):
+    take = LaunchLog.take
+
+    def take_late(log, line, output):
+        time.sleep(1.0 * (line.text == 'line 0'))  # as a thread that gets no processor
+        take(log, line, output)
+
+    monkeypatch.setattr(LaunchLog, 'take', take_late)
+    path = program("print('line 0\\nline 1\\nline 2')")
+    _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n')
+    assert [line.split()[-1] for line in shown if '] line ' in line] == ['0', '1', '2']
+    assert 'finished cleanly' in shown[-1]
+
+
 def test_a_process_that_becomes_another_program_keeps_its_mark():
     for _ in range(200):  # one in ten is looked at within the tenth of a millisecond that it takes
         with subprocess.Popen(['sleep', '60'], env={**os.environ, 'TACTILE_LAUNCH': 'mark-of-this'}) as process:
@@ -57,7 +72,7 @@ def test_a_guardian_that_somebody_has_stopped_does_not_hold_up_the_end_of_a_laun
     guardian._process.send_signal(signal.SIGSTOP)
     ending = threading.Thread(target=guardian.dismiss, daemon=True)
     ending.start()
-    ending.join(5.0)
+    ending.join(60.0)
     assert not ending.is_alive()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from tactile_nodes.launching.processes.plan import ProcessPlan
 
 _LONGEST_LINE = 1 << 16
 _GROUP_PATIENCE_S = 0.5
-_OUTPUT_PATIENCE_S = 0.2  # without a line
+_OUTPUT_PATIENCE_S = 0.2  # without a line, of an output that another process holds open
 _OUTPUT_LOOKS = 20  # if the output never ends
 _ESCALATION = ((signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0))
 
@@ -123,7 +124,7 @@ class Child:
                 if before == self._taken and not _unread(pipe):
                     break
                 before = self._taken
-                reader.join(_OUTPUT_PATIENCE_S)
+                reader.join(_OUTPUT_PATIENCE_S if _left_open(pipe) else None)
 
     def _group(self) -> set[int]:
         return orphans.group(self.pid)
@@ -144,6 +145,15 @@ def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
     kept = str(folder / 'kept')  # a launch within a launch keeps its state where the outer one does
     return {'PYTHONUNBUFFERED': '1', KEEP: kept, **plan.environment, orphans.VARIABLE: marks}
+
+
+def _left_open(pipe: BinaryIO) -> bool:
+    """Whether a process may still write to it; not once the reader has closed it."""
+    try:
+        (looking := select.poll()).register(pipe, 0)
+        return not looking.poll(0)  # POLLHUP is reported without being asked for
+    except (OSError, ValueError):
+        return False
 
 
 def _unread(pipe: BinaryIO) -> int:
