@@ -94,7 +94,7 @@ def refusal(path: Path) -> str:
 def until(condition: Callable[[], object]) -> None:
     """Wait for a writer's thread."""
     waiting = threading.Event()
-    for _ in range(2000):
+    for _ in range(12_000):
         if condition():
             return
         waiting.wait(0.005)

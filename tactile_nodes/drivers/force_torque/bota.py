@@ -166,10 +166,10 @@ class BotaConnection(Connection):
 
     def fetch(self, queue: SampleQueue) -> None:
         data = self._port.read(WAIT_S)
-        arrival_ns = self._clock.now_ns()
+        arrival_ns, read_s = self._clock.now_ns(), clocks.monotonic_s()
         for frame in self._parser.feed(data):
             self._put(frame, arrival_ns, queue)
-        if data and clocks.monotonic_s() - self._good_s > GARBAGE_S:
+        if data and read_s - self._good_s > GARBAGE_S:
             raise DeviceLostError(
                 f'{self._port.name} sends data, but no complete Bota frames; check the baud rate and the kind of sensor'
             )

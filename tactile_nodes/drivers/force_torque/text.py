@@ -127,12 +127,12 @@ class TextLineConnection(Connection):
 
     def fetch(self, queue: SampleQueue) -> None:
         data = self._port.read(WAIT_S)
-        arrival_ns = self._clock.now_ns()
+        arrival_ns, read_s = self._clock.now_ns(), clocks.monotonic_s()
         if data and not self._good_s:  # a board that restarts when its port is opened first sends nothing for seconds
-            self._good_s = clocks.monotonic_s()
+            self._good_s = read_s
         for line in self._parser.feed(data):
             self._put(line, arrival_ns, queue)
-        if data and clocks.monotonic_s() - self._good_s > GARBAGE_S:
+        if data and read_s - self._good_s > GARBAGE_S:
             raise DeviceLostError(
                 f'{self._port.name} sends data, but no lines of t_us and {len(self._settings.text.axes)} channels; '
                 'check baud and text.axes'

@@ -12,7 +12,7 @@ import sys
 import termios
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,7 +23,7 @@ from tactile_nodes.launching.processes.plan import ProcessPlan
 
 _LONGEST_LINE = 1 << 16
 _GROUP_PATIENCE_S = 0.5
-_OUTPUT_PATIENCE_S = 0.2  # without a line, of an output that another process holds open
+_OUTPUT_PATIENCE_S = 0.2  # for an output that another process holds open
 _OUTPUT_LOOKS = 20  # if the output never ends
 _ESCALATION = ((signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0))
 
@@ -72,8 +72,8 @@ class Child:
             _close(writing for _, writing in outputs)
         self.pid = self._process.pid
         self._readers: list[threading.Thread] = []
-        self._taken = 0
-        self._pipes = [os.fdopen(reading, 'rb', buffering=_LONGEST_LINE) for reading, _ in outputs]
+        self._reading = threading.Lock()
+        self._pipes = [os.fdopen(reading, 'rb', buffering=0) for reading, _ in outputs]
 
     def watch(self) -> None:
         """Start to pass on its lines and to report its end."""
@@ -97,14 +97,19 @@ class Child:
         return thread
 
     def _read(self, pipe: BinaryIO, stream: str) -> None:
-        try:
-            with pipe:
-                while raw := pipe.readline(_LONGEST_LINE):
-                    text = raw.decode(errors='replace').rstrip('\r\n')
-                    self._log.take(Line(self._plan.name, text, stream=stream), self._plan.output)
-                    self._taken += 1
-        except OSError:
-            return  # EIO: the end of a terminal
+        data, rest, ready = b'-', b'', select.poll()
+        ready.register(pipe, select.POLLIN)
+        with suppress(OSError), pipe:  # EIO: the end of a terminal
+            while data:
+                ready.poll()
+                with self._reading:  # whoever has it next knows that what was read was taken
+                    data = pipe.read(_LONGEST_LINE)
+                    *lines, rest = (rest + data).split(b'\n')
+                    if rest and (not data or len(rest) >= _LONGEST_LINE):
+                        lines, rest = [*lines, rest], b''
+                    for raw in lines:
+                        text = raw.decode(errors='replace').rstrip('\r')
+                        self._log.take(Line(self._plan.name, text, stream=stream), self._plan.output)
 
     def _wait(self) -> None:
         code = self._process.wait()
@@ -119,12 +124,11 @@ class Child:
     def _read_on(self) -> None:
         """Read all that it wrote. Processes that it left running may keep its output open and write on."""
         for reader, pipe in zip(self._readers, self._pipes, strict=True):
-            before = -1
             for _ in range(_OUTPUT_LOOKS):
-                if before == self._taken and not _unread(pipe):
-                    break
-                before = self._taken
-                reader.join(_OUTPUT_PATIENCE_S if _left_open(pipe) else None)
+                reader.join(_OUTPUT_PATIENCE_S)
+                with self._reading:
+                    if not _unread(pipe):
+                        break
 
     def _group(self) -> set[int]:
         return orphans.group(self.pid)
@@ -145,15 +149,6 @@ def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
     kept = str(folder / 'kept')  # a launch within a launch keeps its state where the outer one does
     return {'PYTHONUNBUFFERED': '1', KEEP: kept, **plan.environment, orphans.VARIABLE: marks}
-
-
-def _left_open(pipe: BinaryIO) -> bool:
-    """Whether a process may still write to it; not once the reader has closed it."""
-    try:
-        (looking := select.poll()).register(pipe, 0)
-        return not looking.poll(0)  # POLLHUP is reported without being asked for
-    except (OSError, ValueError):
-        return False
 
 
 def _unread(pipe: BinaryIO) -> int:

@@ -359,6 +359,34 @@ def test_a_board_that_starts_longer_than_silence_is_borne_with_comes_back() -> N
         sensor.close()
 
 
+def paused_in(parser: object, now_s: list[float], seconds: float) -> object:
+    """This computer pauses while it looks for samples in what it has read."""
+
+    class Paused:
+        def __getattr__(self, name: str) -> object:
+            return getattr(parser, name)
+
+        def feed(self, data: bytes) -> object:
+            now_s[0] += seconds
+            return parser.feed(data)
+
+    return Paused()
+
+
+def test_half_a_sample_before_this_computer_paused_is_no_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, clock = [100.0], SystemClock()
+    monkeypatch.setattr(bota.clocks, 'monotonic_s', lambda: now_s[0])
+    line_port, frame_port = ScriptedPort(b'5,', []), ScriptedPort(b'App Init\r\n', list(DIALOGUE))
+    for kind, port, half in (
+        (text.TextLineConnection, line_port, b'5,'),
+        (bota.BotaConnection, frame_port, FRAME[:20]),
+    ):
+        connection = kind(port, ForceTorqueSettings('a sensor:port'), clock)
+        connection._parser = paused_in(connection._parser, now_s, 3.0)
+        port._to_say = [half]
+        connection.fetch(SampleQueue('port', 100, SampleCheck()))
+
+
 def test_a_bota_that_takes_long_to_start_may_send_half_a_frame_first(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [100.0]
     monkeypatch.setattr(bota.clocks, 'monotonic_s', lambda: now_s[0])
