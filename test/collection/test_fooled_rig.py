@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -108,12 +109,16 @@ def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SIL
     with contextlib.closing(station):
         hands = station.hands
         hands.home()
+        while (
+            station.sensor.newest().flags
+        ):  # the emulated sensor had to wait for a processor, so its clock is not known
+            time.sleep(0.01)
         hands.safety.watch(bench.clock.now_ns(), camera=False)
         try:
             hands.run(approached())
             hands.run(descent(bench))
         except TrippedError as tripped:
-            station.guard.stopped.wait(10.0)
+            station.guard.stopped.wait(60.0)
             return tripped.trip, bench.depth_mm
         return None, bench.depth_mm
 

@@ -18,7 +18,7 @@ from tactile_nodes.drivers.health import Health
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import BusError, DeviceError
 
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0
 SAFE_Z_MM, LOW_Z_MM = -4.0, -6.0
 
 

@@ -119,9 +119,10 @@ def test_a_force_that_is_reached_and_not_held_is_reported() -> None:
 
 
 def test_the_force_sensor_tells_of_the_whole_hold_however_long_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Readings keep some seconds only; here one, since a busy machine may look at them half a second late."""
-    monkeypatch.setattr(readings, 'KEPT_NS', NS_PER_S)
-    guard = dataclasses.replace(SETTINGS.guard, hold_s=2.0)
+    """Readings keep some seconds only; here as many as pass while a busy machine looks at them two seconds late."""
+    kept_s = 2.0 * QUICK
+    monkeypatch.setattr(readings, 'KEPT_NS', round(kept_s * NS_PER_S))
+    guard = dataclasses.replace(SETTINGS.guard, hold_s=1.5 * kept_s)
     with opened(truth, dataclasses.replace(SETTINGS, guard=guard)) as run:
         outcome = run.run()
     assert outcome is not None
@@ -337,7 +338,7 @@ def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def wait_until(done: Callable[[], bool]) -> None:
     clock = SystemClock()
-    deadline_ns = clock.now_ns() + 20 * NS_PER_S
+    deadline_ns = clock.now_ns() + 60 * NS_PER_S
     while not done():
         assert clock.now_ns() < deadline_ns
         clock.sleep_until(clock.now_ns() + NS_PER_S // 100)
