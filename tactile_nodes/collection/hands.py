@@ -295,11 +295,13 @@ class Guard:
     Args:
         cnc: the machine to stop.
         clock: for the watchdogs.
+        homing: whether it homes, or is about to.
     """
 
-    def __init__(self, cnc: Cnc, clock: Clock) -> None:
+    def __init__(self, cnc: Cnc, clock: Clock, homing: Callable[[], bool] = lambda: False) -> None:
         self._cnc = cnc
         self._clock = clock
+        self._homing = homing
         self._tripped = threading.Event()
         self._ending = False
         self.stopped = threading.Event()
@@ -336,8 +338,12 @@ class Guard:
 
     def _stop(self) -> None:
         try:
-            if not self.stopped.is_set():
+            again = not self.stopped.is_set()
+            while again:
                 with contextlib.suppress(DeviceError):  # the retract meets the same fault and reports it
                     self._cnc.stop()
+                if again := self._homing():  # just before it begins, a stop ends nothing
+                    self._clock.sleep_until(self._clock.now_ns() + round(STATE_S * NS_PER_S))
+                    again = self._homing()
         finally:
             self.stopped.set()

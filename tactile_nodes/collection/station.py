@@ -70,7 +70,7 @@ class Station:
         if self.world is not None:
             worlds.share(WORLD, self.world)
         self.cnc: Cnc = open_cnc(cnc, clock, machine=self.world, traffic=traffic)
-        self.guard = Guard(self.cnc, clock)
+        self.guard = Guard(self.cnc, clock, lambda: self.hands.homing)
         try:
             self.sensor = self._sensor(force_torque, settings)
         except BaseException:

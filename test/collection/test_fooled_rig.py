@@ -109,9 +109,7 @@ def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SIL
     with contextlib.closing(station):
         hands = station.hands
         hands.home()
-        while (
-            station.sensor.newest().flags
-        ):  # the emulated sensor had to wait for a processor, so its clock is not known
+        while station.sensor.newest().flags:  # the emulated sensor had to wait for a processor: its clock is unknown
             time.sleep(0.01)
         hands.safety.watch(bench.clock.now_ns(), camera=False)
         try:

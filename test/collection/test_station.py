@@ -89,9 +89,23 @@ def test_a_run_that_takes_longer_than_closing_waits_brings_its_tip_up() -> None:
         station.cnc.status()
 
 
-def test_homing_ends_at_once_when_the_run_is_asked_to_end() -> None:
+@pytest.mark.parametrize('begins', [False, True], ids=['just before it begins', 'on its way'])
+def test_homing_ends_at_once_when_the_run_is_asked_to_end(begins: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A tip that meets something on its way to the end switches must not go on there for seconds."""
-    station, caught = near((-60.0, -60.0, -1.0)), []
+    station, caught, stopped = near((-60.0, -60.0, -1.0)), [], threading.Event()
+    home, stop = station.cnc.home, station.cnc.stop
+
+    def home_late() -> None:
+        """As a thread that gets no processor until it has been stopped once."""
+        assert begins or stopped.wait(PATIENCE_S)
+        home()
+
+    def stop_and_tell() -> None:
+        stop()
+        stopped.set()
+
+    monkeypatch.setattr(station.cnc, 'home', home_late)
+    monkeypatch.setattr(station.cnc, 'stop', stop_and_tell)
 
     def run() -> None:
         try:
@@ -107,7 +121,7 @@ def test_homing_ends_at_once_when_the_run_is_asked_to_end() -> None:
     try:
         runner.start()
         deadline_s = monotonic_s() + PATIENCE_S
-        while x_mm() < -59.0 and monotonic_s() < deadline_s:
+        while (x_mm() < -59.0 if begins else not station.hands.homing) and monotonic_s() < deadline_s:
             time.sleep(0.01)
         station.stop()
         runner.join(PATIENCE_S)

@@ -36,7 +36,8 @@ from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutErr
 from tactile_nodes.params import parameter
 
 LOOK_S = 0.005
-LATE_S = 0.2  # samples of the force/torque sensor arrive at most this late
+LATE_S = 0.2  # samples of the force/torque sensor usually arrive at most this late
+LATE_LOOKS = 10  # on a busy computer later
 
 
 @dataclass(frozen=True)
@@ -210,8 +211,11 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
             measured.extend(zip((sample.stamp_ns for sample in samples), forces_n, strict=True))
 
     yield from felt_for(guarded, settings.surface.top_mm, settings.motion.press_mm_min, feel, measure)
-    yield Look(LATE_S)
-    measure()
+    for _ in range(LATE_LOOKS):
+        yield Look(LATE_S)
+        measure()
+        if measured and measured[-1][0] >= guarded.hold.stamps_ns[-1]:
+            break
     return outcome(guarded, observation.now_ns, measured)
 
 

@@ -16,7 +16,7 @@ from quick_clock import QuickClock
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.collection import readings
-from tactile_nodes.collection.actions import Go, Observation
+from tactile_nodes.collection.actions import Go, Look, Observation
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.press.guarded import Felt, GuardSettings
 from tactile_nodes.collection.run import guarded_run
@@ -116,6 +116,26 @@ def test_a_force_that_is_reached_and_not_held_is_reported() -> None:
     assert outcome is not None
     assert (len(outcome.gel_n), len(outcome.sensor_n), outcome.seconds) == (1, 1, 0.0)
     assert outcome.sensor_n[0] == pytest.approx(SETTINGS.guard.target_n, abs=SETTINGS.guard.band_n + 0.03)
+
+
+def test_the_force_sensor_is_waited_for_where_its_samples_come_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the hold on 0.5 s after they were measured, as on a busy computer."""
+    felt_for = guarded_run.felt_for
+
+    def then_late(*given: object) -> Iterator[Look]:
+        yield from felt_for(*given)
+        monkeypatch.setattr(run.station.readings, 'samples', late)
+
+    monkeypatch.setattr(guarded_run, 'felt_for', then_late)
+    with opened(truth, dataclasses.replace(SETTINGS, guard=dataclasses.replace(SETTINGS.guard, hold_s=0.0))) as run:
+        come, clock = run.station.readings.samples, run._clock
+
+        def late(since_ns: int) -> Sequence[Sample]:
+            return [sample for sample in come(since_ns) if sample.stamp_ns < clock.now_ns() - NS_PER_S // 2]
+
+        outcome = run.run()
+    assert outcome is not None
+    assert len(outcome.sensor_n) == 1
 
 
 def test_the_force_sensor_tells_of_the_whole_hold_however_long_it_was(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -241,7 +241,8 @@ def test_a_box_that_is_back_before_it_counts_as_lost_is_opened_again_as_its_unit
     with contextlib.closing(NetFtConnection('127.0.0.1', rig.settings, SystemClock())) as connection:
         while queue.newest is None or not 3500 < queue.newest.device_ticks % 2**32 < 2**31:
             connection.fetch(queue)  # until half a second after it wrapped
-        box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=0)
+        begins_anew = (queue.newest.device_ticks - 70_000) % 2**32  # smaller for ten seconds, however late it is read
+        box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=begins_anew)
         connection._request()
         with pytest.raises(DeviceLostError, match='has restarted'):
             for _ in range(2000):
