@@ -178,17 +178,18 @@ class StreamedForceTorque(ForceTorqueSensor):
         return connection
 
     def _receive(self, connection: Connection) -> bool:
-        before = self._queue.newest
+        before, looked_ns = self._queue.newest, self._clock.now_ns()
         self._queue.rate_hz = connection.rate_hz or self._expected_hz
         connection.fetch(self._queue)
-        self._watch()
+        self._watch(looked_ns)
         return self._queue.newest is not before
 
     def _lost(self, error: TactileError) -> None:
         self._queue.fail(DeviceLostError(f'{self.name} is lost: {error}') if self._source.is_lost else error)
 
-    def _watch(self) -> None:
-        newest, now_ns, rate_hz = self._queue.newest, self._clock.now_ns(), self._expected_hz
+    def _watch(self, now_ns: int) -> None:
+        """Raise if there was silence for too long until `now_ns`; all that had come by then was read."""
+        newest, rate_hz = self._queue.newest, self._expected_hz
         alive_ns = max(self._connected_ns, newest.arrival_ns if newest else 0)
         runs = rate_hz > 0 and alive_ns > self._connected_ns
         patience_s = max(self._settings.lost_s, 5 / rate_hz if runs else FIRST_SAMPLE_S)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ft_rigs import Rig, assert_counted, read, read_until, rig_of
+from ft_rigs import LOST_S, Rig, assert_counted, read, read_until, rig_of
+from jumping_clock import AheadClock
 
 from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.drivers.force_torque import bota, text
@@ -385,6 +387,30 @@ def test_half_a_sample_before_this_computer_paused_is_no_garbage(monkeypatch: py
         connection._parser = paused_in(connection._parser, now_s, 3.0)
         port._to_say = [half]
         connection.fetch(SampleQueue('port', 100, SampleCheck()))
+
+
+def test_a_pause_of_this_computer_right_after_it_has_read_is_no_silence(ahead: AheadClock) -> None:
+    """What came meanwhile is read next."""
+    paused = threading.Event()
+
+    class Pausing(text.TextLineConnection):
+        def fetch(self, queue: SampleQueue) -> None:
+            newest = queue.newest
+            super().fetch(queue)
+            if newest is not None and queue.newest is newest and not paused.is_set():
+                ahead.advance(1.2 * LOST_S)
+                paused.set()
+
+    settings = ForceTorqueSettings('text:board', lost_s=LOST_S)
+    board = Board(0.0, rate_hz=10.0)
+    sensor = StreamedForceTorque('the board', lambda: Pausing(board, settings, ahead), settings, ahead, ('fz',))
+    sensor.open()
+    try:
+        assert paused.wait(60)
+        read(sensor)
+        assert sensor.description['times lost'] == '0'
+    finally:
+        sensor.close()
 
 
 def test_a_bota_that_takes_long_to_start_may_send_half_a_frame_first(monkeypatch: pytest.MonkeyPatch) -> None:
