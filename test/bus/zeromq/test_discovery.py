@@ -28,6 +28,12 @@ Join = Callable[..., ZmqBus]
 QUEUE = Qos('queue', 1000)
 
 
+def remove(place: Path) -> None:
+    """A folder, at once: one whose files go one by one may get new ones meanwhile, from those who miss theirs."""
+    place.rename(aside := place.with_name('aside'))
+    shutil.rmtree(aside)
+
+
 @pytest.mark.parametrize('text', ['abc', '-1', '233', '1.5', '0x10', '1 2', 'ⅷ'])
 def test_domain_that_is_none_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv('ROS_DOMAIN_ID', text)
@@ -136,7 +142,7 @@ def test_participants_meet_again_after_their_folder_was_removed(folder: Path, jo
     publisher = publishing.advertise('/n', NUMBER, QUEUE)
     subscription = listening.subscribe('/n', NUMBER, QUEUE)
     until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
-    shutil.rmtree(folder / 'd7')
+    remove(folder / 'd7')
     until(lambda: len(list(folder.glob('d7/*.lock'))) == 2, 'both to come back')
     late = join().subscribe('/n', NUMBER, QUEUE)
     while subscription.take():
@@ -173,7 +179,7 @@ def test_who_logs_in_again_meets_those_who_ran_on_after_the_last_logout(
     try:
         publisher, subscription = buses[0].advertise('/n', NUMBER, QUEUE), buses[1].subscribe('/n', NUMBER, QUEUE)
         until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
-        shutil.rmtree(login)
+        remove(login)
         until(lambda: len(list(elsewhere.glob('*/d7/*.lock'))) == 2, 'both to meet elsewhere')
         login.mkdir()
         buses.append(ZmqBus(7))
@@ -241,13 +247,15 @@ def test_folder_that_was_removed_does_not_say_that_everybody_is_gone(folder: Pat
 def test_folder_that_cannot_be_made_again_is_reported_once_and_ends_nobody(
     folder: Path, join: Join, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    (folder / 'place').mkdir(mode=0o700)
+    (folder / 'd7').symlink_to('place')
     publishing, listening = join(), join()
     publisher = publishing.advertise('/n', NUMBER, QUEUE)
     subscription = listening.subscribe('/n', NUMBER, QUEUE)
     until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
     (folder / 'file').write_text('in the way')
-    (folder / 'd7').rename(folder / 'gone')  # at once: a folder that is seen empty ends the connections
-    (folder / 'file').rename(folder / 'd7')
+    (folder / 'link').symlink_to('file')
+    (folder / 'link').replace(folder / 'd7')  # at once: whoever finds nothing there makes the folder again
     printed = ''
 
     def all_printed() -> str:

@@ -27,6 +27,7 @@ from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import services, types
 
 QUEUE = Qos('queue', 1000)
+PATIENCE_MS = 30_000
 RELAXED = settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
@@ -64,7 +65,7 @@ class Forger:
 
     def wait(self) -> Forger:
         """Until somebody has subscribed."""
-        assert self._socket.poll(5000)
+        assert self._socket.poll(PATIENCE_MS)
         assert self._socket.recv() == b'\x01'
         return self
 
@@ -207,7 +208,7 @@ def caller(join: Callable[..., ZmqBus]) -> Iterator[tuple[ZmqBus, Any]]:
 def _still_answers(socket: Any) -> bytes:
     socket.send_multipart([wire.PING, b'the last'])
     while True:
-        assert socket.poll(5000)
+        assert socket.poll(PATIENCE_MS)
         answer = socket.recv_multipart()
         if answer[1] == b'the last':
             return bytes(answer[2])
@@ -247,7 +248,7 @@ def test_who_sends_no_request_is_answered_so(caller: tuple[ZmqBus, Any]) -> None
     """As a client of another version does, whose service has other fields."""
     _, socket = caller
     socket.send_multipart([wire.CALL, b'id', b'/s', services.TRIGGER.encode(), b'no request'])
-    assert socket.poll(5000)
+    assert socket.poll(PATIENCE_MS)
     kind, call_id, outcome, text = socket.recv_multipart()
     assert (kind, call_id, outcome) == (wire.ANSWER, b'id', b'error')
     assert text.startswith(b'10 bytes are not a std_srvs/srv/Trigger_Request')
