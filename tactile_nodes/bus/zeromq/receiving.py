@@ -143,7 +143,8 @@ class Receiver:
             if address not in self._connected:
                 self.socket.connect(address)
         for address in self._connected.keys() - wanted.keys():
-            if now_s > self._leaving_s.setdefault(address, now_s) + _LEAVE_AFTER_S:
+            is_over = now_s > self._leaving_s.setdefault(address, now_s) + _LEAVE_AFTER_S
+            if is_over and not self.socket.poll(0):  # what still waits would be lost
                 self.socket.disconnect(address)
                 del self._leaving_s[address], self._connected[address]
         self._connected.update(wanted)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import stat
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from agents import IMAGE, NUMBER, FullDisk, Other, image, number_of, until
 
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.zeromq import receiving
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.zeromq.receiving import Receiver
 from tactile_nodes.messages import types
 
 Start = Callable[..., Other]
@@ -164,6 +167,31 @@ def test_last_messages_of_a_process_that_leaves_still_arrive(start: Start, join:
     talker.say('/n', *range(1, 200))
     talker.close()
     until(lambda: _taken(subscription, got)[-199:] == list(range(1, 200)), 'what was said at last')
+
+
+def test_last_messages_of_a_publisher_that_left_arrive_also_where_time_is_short(
+    join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy computer they still wait in the subscriber's socket when it has long been seen that nobody is there."""
+    take_in = Receiver.take_in
+
+    def take_in_late(receiver: Receiver) -> None:
+        time.sleep(0.002)
+        take_in(receiver)
+
+    monkeypatch.setattr(receiving, '_LEAVE_AFTER_S', 0.0)
+    monkeypatch.setattr(Receiver, 'take_in', take_in_late)
+    listening, leaving = join(), join()
+    subscription = listening.subscribe('/n', NUMBER, QUEUE)
+    publisher = leaving.advertise('/n', NUMBER, QUEUE)
+    until(lambda: publisher.listeners)
+    for number in range(500):
+        publisher.publish(types.Int64(data=number))
+    leaving.close()
+    until(lambda: not listening.peers(), 'the publisher to be gone')
+    got: list[int] = []
+    until(lambda: _taken(subscription, got)[-1:] == [499], 'what was said at last')
+    assert got == list(range(500))
 
 
 def test_latched_message_reaches_each_late_process_once(start: Start) -> None:
