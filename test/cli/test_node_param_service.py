@@ -43,9 +43,12 @@ def test_node_info_tells_ends_process_and_answer(lamp: LampNode, tactile: Tactil
     assert lines[-1].endswith('and the node itself')
 
 
-def test_node_info_tells_that_a_node_is_stuck(lamp: LampNode, tactile: Tactile) -> None:
-    free = threading.Event()
-    lamp.post(lambda: free.wait(10) and None)
+def test_node_info_tells_that_a_node_is_stuck(
+    lamp: LampNode, tactile: Tactile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free, ping = threading.Event(), ZmqBus.ping
+    monkeypatch.setattr(ZmqBus, 'ping', lambda bus, uid, _: ping(bus, uid, 30.0))  # its process is only late
+    lamp.post(lambda: free.wait(60) and None)
     try:
         last = tactile('node', 'info', '/lamp', '--timeout', '0.2').out.splitlines()[-1]
     finally:

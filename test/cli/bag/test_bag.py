@@ -136,7 +136,7 @@ def test_a_terminal_or_connection_that_closes_ends_a_recording_which_says_what_w
     while 'recording into' not in printed:
         printed += process.stderr.readline()
     os.kill(process.pid, signal.SIGHUP)
-    printed += process.communicate(timeout=10)[1]
+    printed += process.communicate(timeout=60)[1]
     with BagReader(tmp_path / 'press') as reader:
         assert reader.problems == []
         assert f'wrote {reader.extent.messages} messages' in printed
@@ -151,7 +151,7 @@ def test_a_recording_in_a_terminal_is_not_taken_for_the_recorder_of_a_launch_and
     with joined() as bus:
         graph = bus.graph()
     os.kill(process.pid, signal.SIGINT)
-    assert ' messages' in process.communicate(timeout=10)[1]
+    assert ' messages' in process.communicate(timeout=60)[1]
     assert process.returncode == 0
     assert '/bag_recorder' in graph.nodes()
     assert graph.services('/recorder/stop') == []

@@ -125,7 +125,7 @@ def in_a_terminal(term: str, until: bytes, *words: str) -> str:
                 if until in output and not seen:
                     process.send_signal(signal.SIGINT)
         os.close(ours)
-        assert process.wait(10.0) == 0
+        assert process.wait(60.0) == 0
     return output.decode()
 
 
@@ -168,15 +168,11 @@ def test_ctrl_c_ends_the_view_with_a_summary(other: ZmqBus, run_folder: Path, re
         assert process.stdout is not None
         assert process.stderr is not None
         first = process.stdout.readline()
-        start_ns = other.clock.now_ns()
         process.send_signal(signal.SIGINT)
-        rest = process.stdout.read()
-        took_s = (other.clock.now_ns() - start_ns) / 1e9
-        assert process.wait(30.0) == 0
-        assert process.stderr.read() == ''
+        rest, wrong = process.communicate(timeout=30)
+    assert (process.returncode, wrong) == (0, '')
     assert ' fps' in first
     assert 'frames in' in rest
-    assert took_s < 3.0  # 0.2 s on a machine that does nothing else, 1.5 s on one with ten times its work
 
 
 def test_bytes_that_are_no_force_are_counted(other: ZmqBus) -> None:
