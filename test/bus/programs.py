@@ -79,6 +79,12 @@ class SlowToClose(Ready):
         time.sleep(60.0)
 
 
+class MayBeSlowToClose(SlowToClose):
+    """It is given the time."""
+
+    END_WITHIN_S = 60.0
+
+
 class TakesAMomentToClose(Ready):
     """It has something to write, say."""
 
