@@ -35,6 +35,7 @@ def test_what_comes_by_the_interface_is_heard_whole() -> None:
     with listening() as end:
         only_from(end, 'lo')
         say(b'from this machine', end)
+        end.settimeout(30.0)
         assert end.recv(100) == b'from this machine'
 
 
@@ -44,7 +45,11 @@ def test_what_comes_by_another_interface_is_not_heard() -> None:
         pytest.skip('this machine has one interface')
     with listening() as end:
         only_from(end, others[0])
-        say(b'from this machine', end)
+        with listening() as all_heard:
+            say(b'from this machine', end)
+            say(b'and later', all_heard)
+            all_heard.settimeout(30.0)
+            assert all_heard.recv(100) == b'and later'
         with pytest.raises(BlockingIOError):
             end.recv(100)
 

@@ -394,6 +394,7 @@ def test_looping_player_ends_when_it_is_closed(bus, play) -> None:
     node = play(loop=True)
     assert seen.wait(10.0)
     node.close()
+    node._thread.join(30.0)
     assert not node._thread.is_alive()
 
 

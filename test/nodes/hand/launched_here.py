@@ -46,8 +46,13 @@ def run_here(monkeypatch: pytest.MonkeyPatch, file: Path, folder: Path, **argume
     monkeypatch.setattr(hand_sensors, 'LaunchedAgain', OnlyPlanned)
     said: list[Line] = []
     planned(LaunchService(file, arguments, screen=said.append))
-    bus, nodes = InProcessBus(), []
+    bus, nodes, cameras = InProcessBus(), list[Node](), list[ProcessPlan]()
     for plan in plans:  # some of which a node among them adds
+        if 'camera' in Path(plan.command[0]).name:
+            cameras.append(plan)
+        else:
+            nodes += nodes_of(plan, bus)
+    for plan in cameras:  # last: each waits, the longer the busier the machine is, for who takes its first pictures
         nodes += nodes_of(plan, bus)
     try:
         return run_until(nodes, threading.Event())

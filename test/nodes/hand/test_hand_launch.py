@@ -90,7 +90,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
         assert list(tmp_path.glob('hand/parameters_*/left.yaml'))  # among the logs, where a killed program may leave it
     finally:
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=20)
+        output, _ = process.communicate(timeout=PATIENCE_S)
         print(output)  # shown if it fails
     assert process.returncode == 0
     assert 'Traceback' not in output
@@ -116,10 +116,11 @@ def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(
     words = {'page': 'false', 'monitor': 'false', 'object_mm': '48.0', 'pull_n': '0.4', 'hold_s': '4.5'}
     code = run_here(monkeypatch, tmp_path / 'grasp.launch.yaml', tmp_path, hand=f'{tmp_path}/hand.yaml', **words)
     printed = capfd.readouterr()
-    held = re.search(r'held for 4.\d s, .* ([0-9.]+) N at the end', printed.out + printed.err)
+    held = re.search(r'held for ([0-9.]+) s, .* ([0-9.]+) N at the end', printed.out + printed.err)
     assert held is not None, printed
+    assert float(held[1]) >= 4.5
     # 0.2 N on each side: with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N and the margin's uncertainty.
-    assert float(held[1]) == pytest.approx(0.44, abs=0.06)
+    assert float(held[2]) == pytest.approx(0.44, abs=0.06)
     assert code == 0
 
 

@@ -378,13 +378,18 @@ from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.bus.node.runtime import open_bus
 from tactile_nodes.messages import types
-from tactile_nodes.nodes.recorder import main
+from tactile_nodes.nodes.recorder import RecorderNode, main
 
 pwrite, disk_is_free = os.pwrite, threading.Event()
+take_in, taken = RecorderNode._take_in, []
 
 def slow_pwrite(descriptor, data, offset):
     assert offset == 0 or disk_is_free.wait(20)  # the head of the file is written at once
     return pwrite(descriptor, data, offset)
+
+def count_and_take_in(node, name, received, writer):
+    take_in(node, name, received, writer)
+    taken.append(received)
 
 def talk():
     publisher = open_bus().advertise('/chatter', 'std_msgs/msg/String', Qos('queue', 1000))
@@ -392,12 +397,13 @@ def talk():
         time.sleep(0.01)
     for number in range(500):
         publisher.publish(types.String(data=str(number)))
-    time.sleep(0.5)
+    while len(taken) < 500:
+        time.sleep(0.01)
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(2.5)
     disk_is_free.set()
 
-growing_file.os.pwrite = slow_pwrite
+growing_file.os.pwrite, RecorderNode._take_in = slow_pwrite, count_and_take_in
 threading.Thread(target=talk, daemon=True).start()
 sys.argv = ['recorder_node', '--ros-args', '-p', 'topics:=[chatter]', '-p', f'bag:={sys.argv[1]}']
 sys.exit(main())
