@@ -272,6 +272,6 @@ def test_program_of_a_node_ends_soon_and_cleanly_on_a_signal(number: signal.Sign
         assert program.stdout is not None
         assert program.stdout.readline() == 'running\n'
         program.send_signal(number)
-        _, said = program.communicate(timeout=5.0)
+        _, said = program.communicate(timeout=60.0)
     assert program.returncode == 0, said
     assert 'Traceback' not in said

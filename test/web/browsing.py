@@ -21,7 +21,7 @@ IN_CHROMIUM = [
     pytest.mark.skipif(CHROMIUM is None, reason='there is no Chromium on this machine: apt-get install chromium'),
 ]
 SIZE = {'width': 1280, 'height': 720}
-PATIENCE_MS = 15_000
+PATIENCE_MS = 60_000
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -30,8 +30,9 @@ def started() -> Iterator[Any]:
     """The browser, in which pages are opened: as tabs of one user, since one more of those takes it a second."""
     sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
     with playwright.sync_playwright() as driver:
-        made = driver.chromium.launch(executable_path=CHROMIUM, args=['--disable-gpu', *sandbox])
+        made = driver.chromium.launch(executable_path=CHROMIUM, args=['--disable-gpu', *sandbox], timeout=PATIENCE_MS)
         browser = made.new_context(viewport=SIZE, color_scheme='dark')
+        browser.set_default_timeout(PATIENCE_MS)
         browser.unused = []
         yield browser
         made.close()
