@@ -93,6 +93,15 @@ class TakesAMomentToClose(Ready):
         time.sleep(0.7)
 
 
+class StandsStill(Ready):
+    """Gets no processor while it closes its device."""
+
+    def on_close(self) -> None:
+        super().on_close()
+        os.kill(os.getpid(), signal.SIGSTOP)
+        time.sleep(0.3)
+
+
 class SlowToStart(Ready):
     """Its device hangs when it is opened."""
 

@@ -26,6 +26,7 @@ NodeFactory = Callable[[Bus, NodeArguments], Node]
 
 _FINISH_WITHIN_S = 1.0  # for the callback that runs
 _END_WITHIN_S = 1.8  # for everything, closing devices included
+_LOOKS = 8  # at whether it has ended: a process that stands still, as on a busy computer, loses an eighth of its time
 _FOR_A_PERSON = (ConfigurationError, ModelError)  # starting again would not help, however long it took to find out
 _ONE_SIGNAL_S = 1.0  # a terminal and a launcher may both send the one that a person meant, a busy launcher its own late
 
@@ -203,7 +204,7 @@ class _Ending:
     def _end(self) -> None:
         self._begun.wait()
         restore_priority()
-        if not self._over.wait(self._within_s):
+        if not any(self._over.wait(self._within_s / _LOOKS) for _ in range(_LOOKS)):
             with suppress(OSError):  # the terminal has closed
                 if self.late_status:
                     sys.stderr.write(f'not ended within {self._within_s} s after the request; giving up\n')

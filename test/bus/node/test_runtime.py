@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 from agents import until
 from programs import Program, Ready
@@ -97,6 +98,17 @@ def test_signal_ends_a_program_within_two_seconds_although_a_device_hangs(
     assert program.ended(AT_ALL_S) == status
     assert runtime._END_WITHIN_S == 1.8
     assert ('not ended within 1.8 s after the request; giving up' in program.output) == bool(status)
+
+
+def test_a_program_that_stands_still_while_it_ends_is_given_its_time_all_the_same(launch: Launch) -> None:
+    """On a busy computer it would leave its device open, and its bag without an end."""
+    program = _running(launch('StandsStill'))
+    program.signal(signal.SIGINT)
+    process = psutil.Process(program.process.pid)
+    until(lambda: process.status() == psutil.STATUS_STOPPED, 'it to stand still')
+    time.sleep(2.0)
+    program.signal(signal.SIGCONT)
+    assert program.ended(AT_ALL_S) == 0
 
 
 def test_second_signal_ends_a_program_at_once(launch: Launch) -> None:
