@@ -273,6 +273,13 @@ def test_a_terminal_is_emulated_on_request(launch, program):
     assert '[program-1] False False' in launch(actions % 'false')[1]
 
 
+def test_a_last_line_without_an_end_is_shown_also_in_a_terminal(launch, program):
+    path = program('print("why", end="")')
+    for emulated in ('true', 'false'):
+        shown = launch(f'- executable: {{cmd: {path}, output: screen, emulate_tty: {emulated}}}\n')[1]
+        assert '[program-1] why' in shown
+
+
 def test_standard_input_stays_open_and_empty(launch, program):
     path = program("""\
         import select, sys

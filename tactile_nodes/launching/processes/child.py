@@ -12,7 +12,7 @@ import sys
 import termios
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -99,11 +99,11 @@ class Child:
     def _read(self, pipe: BinaryIO, stream: str) -> None:
         data, rest, ready = b'-', b'', select.poll()
         ready.register(pipe, select.POLLIN)
-        with suppress(OSError), pipe:  # EIO: the end of a terminal
+        with pipe:
             while data:
                 ready.poll()
                 with self._reading:  # whoever has it next knows that what was read was taken
-                    data = pipe.read(_LONGEST_LINE)
+                    data = _some_of(pipe)
                     *lines, rest = (rest + data).split(b'\n')
                     if rest and (not data or len(rest) >= _LONGEST_LINE):
                         lines, rest = [*lines, rest], b''
@@ -149,6 +149,14 @@ def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
     kept = str(folder / 'kept')  # a launch within a launch keeps its state where the outer one does
     return {'PYTHONUNBUFFERED': '1', KEEP: kept, **plan.environment, orphans.VARIABLE: marks}
+
+
+def _some_of(pipe: BinaryIO) -> bytes:
+    """What is there, or what comes next; nothing at the end."""
+    try:
+        return pipe.read(_LONGEST_LINE)
+    except OSError:  # EIO: the end of a terminal
+        return b''
 
 
 def _unread(pipe: BinaryIO) -> int:
