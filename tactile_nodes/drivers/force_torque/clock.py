@@ -37,6 +37,7 @@ JITTER_NS = 10e6
 JUMP_NS = 20e6
 EVEN = 0.15  # fraction of the growth: tolerance of the value at half time
 EARLY_JITTER_NS = 200e6
+NO_LEAPS = [0.0, 0.0, 0.0]
 SETTLED_AFTER = 8  # samples
 SETTLED_AFTER_NS = 100_000_000
 SETTLED_AT_LAST_NS = 500_000_000  # by the host's clock, if the counter hardly moves
@@ -61,7 +62,8 @@ class TickClock:
         self._delay_ns = delay_ns
         self._most_drift = most_drift
         self._keeps_time = self._is_timed = True
-        self._x = self._y = self._leap = 0.0
+        self._x = self._y = 0.0
+        self._leaps = NO_LEAPS
         self._first_ns = self._arrived_ns = 0
         self.settled = False
         self._ticks: int | None = None
@@ -144,9 +146,9 @@ class TickClock:
 
     def _observe(self, x: float, y: float) -> None:
         if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # a counter that stands still does not show its rate
-            self._leap = max(self._leap, y - self._y)
-            # A wrong rate makes samples later and later; after a blocked host they are late at once.
-            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or 0 < y < 2 * self._leap
+            self._leaps = sorted([*self._leaps, y - self._y])[1:]
+            # A wrong rate makes samples later and later; after a blocked host they are late at once, if not thrice.
+            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or 0 < y < 2 * sum(self._leaps)
         self._x, self._y = x, y
         if self._block is None or x >= self._block_ends:
             self._end_block()
@@ -167,7 +169,8 @@ class TickClock:
         self._origin = (ticks, arrival_ns)
         self._blocks.clear()
         self._block, self._line = None, (0.0, 0.0)
-        self._x = self._y = self._leap = 0.0
+        self._x = self._y = 0.0
+        self._leaps = NO_LEAPS
         self._keeps_time = True
 
     def _place(self, ticks: int, arrival_ns: int) -> tuple[float, float]:

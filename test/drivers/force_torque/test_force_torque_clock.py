@@ -219,6 +219,16 @@ def test_a_host_that_stands_still_right_after_the_first_samples_shows_no_other_r
         assert not clock.flags, number
 
 
+def test_a_host_that_stands_still_again_and_again_before_it_has_caught_up_shows_no_other_rate() -> None:
+    """Three times 0.4 s, each after two more samples of what waits: 1.2 s behind, it catches up."""
+    clock, now_ns = TickClock(1000), START_NS
+    for number in range(400):
+        true_ns = START_NS + number * 5_000_000
+        now_ns = max(now_ns, true_ns + 200_000) + 400_000_000 * (number in {1, 3, 5})
+        assert abs(clock.stamp(5 * number, now_ns) - true_ns) < 1e6, number
+        assert not clock.flags, number
+
+
 @pytest.mark.parametrize('factor', [0.99, 1.01])
 def test_a_counter_of_another_rate_marks_its_stamps_as_no_measure_of_age(factor: float) -> None:
     clock = TickClock(1000)
