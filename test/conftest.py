@@ -69,8 +69,11 @@ TESTS = Path(__file__).parent
 # fifth of the time of collection, and part of that of every test.
 gc.disable()
 
-# Whoever starts the tests in the background may have them ignore SIGINT, and their children with them.
+# Whoever starts the tests in the background may have them ignore SIGINT, and their children with them. What `nohup` has
+# them ignore they still do, but not their children, who get no handler of ours.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, lambda *_: None)
 
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
