@@ -228,7 +228,7 @@ def spinning() -> Iterator[Callable[[Node], Node]]:
     yield start
     for node, thread in running:
         node.stop()
-        thread.join(5.0)
+        thread.join(60.0)
         node.close()
 
 
