@@ -237,9 +237,11 @@ def fit_field(
     fit = fitted(sensor.gel.sides)
     if sensor.gel.sides != 'ignored' or not sensor.gel.may_have_sides or fit.misfit < UNEXPLAINED:
         return fit
-    tried = [replace(fitted(sides), found_sides=sides) for sides in ('free', 'held')]
-    best = min(tried, key=lambda each: each.misfit)
-    return best if best.misfit <= BY_SIDES * fit.misfit else fit
+    for sides in ('free', 'held'):  # one softens the gel, the other stiffens it: at most one explains more
+        tried = fitted(sides)
+        if tried.misfit <= BY_SIDES * fit.misfit:
+            return replace(tried, found_sides=sides)
+    return fit
 
 
 def _fit_described(
