@@ -235,7 +235,7 @@ def fit_field(
         )
 
     fit = fitted(sensor.gel.sides)
-    if sensor.gel.sides != 'ignored' or not sensor.gel.may_have_sides or fit.misfit < UNEXPLAINED:
+    if sensor.gel.sides != 'ignored' or not sensor.gel.may_have_sides or fit.misfit < UNEXPLAINED or fit.objection:
         return fit
     for sides in ('free', 'held'):  # one softens the gel, the other stiffens it: at most one explains more
         tried = fitted(sides)
