@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 _CLOSE_WITHIN_S = 0.5
 _LOOK_EVERY_S = 0.1
 _ASK_EVERY_S = 1.0
-_NOW = struct.Struct('<q')
+_NOW = struct.Struct('<qq')
 
 
 @dataclass
@@ -137,7 +137,7 @@ class Bridge(Loop):
         self.malformed += 1
 
     def _tell_now(self, query: zenoh.Query) -> None:
-        query.reply(query.key_expr, _NOW.pack(self._bus.clock.now_ns()))
+        query.reply(query.key_expr, _NOW.pack(self._bus.clock.now_ns(), self._number))
 
     def _tell_state(self, query: zenoh.Query) -> None:
         if self._announced is not None:
@@ -202,24 +202,33 @@ class Bridge(Loop):
         self._show()
 
     def _ask(self, uid: str) -> None:
-        """Ask a machine for its state, or, when that is known, for its time."""
+        """Ask a machine for its state, or, when that is known, for its time and the number of its state.
+
+        A state that is published just when the connection is made may be lost.
+        """
         peer = self._peers.get(uid)
         if peer is None:
-            self._session.get(key_of(uid, 'state'), self._answered(self._hear))
+            self._ask_state(uid)
             return
         asked_ns, clock = self._bus.clock.now_ns(), peer.clock
 
         def hear_now(sample: zenoh.Sample) -> None:
-            clock.hear(asked_ns, _NOW.unpack(sample.payload.to_bytes())[0], self._bus.clock.now_ns())
+            theirs_ns, number = _NOW.unpack(sample.payload.to_bytes())
+            clock.hear(asked_ns, theirs_ns, self._bus.clock.now_ns())
+            if number > peer.state.number:
+                self.post(partial(self._ask_state, uid))
 
         self._session.get(key_of(uid, 'now'), self._answered(hear_now))
+
+    def _ask_state(self, uid: str) -> None:
+        self._session.get(key_of(uid, 'state'), self._answered(self._hear))
 
     def _answered(self, hear: Callable[[zenoh.Sample], None]) -> Callable[[Any], None]:
         return self._guard(lambda reply: hear(reply.ok) if reply.ok is not None else None)
 
     def _know(self, uid: str, state: State) -> None:
-        if uid in self._alive:
-            earlier = self._peers.get(uid)
+        earlier = self._peers.get(uid)
+        if uid in self._alive and (earlier is None or earlier.state.number < state.number):
             self._peers[uid] = Peer(state, earlier.clock, earlier.repeats) if earlier is not None else Peer(state)
             self._show()
             self._look_s = 0.0
@@ -256,7 +265,7 @@ class Bridge(Loop):
         for uid, peer in self._peers.items():
             self._repeat(uid, peer, {wish for wish in wishes if fits(wish[0], self._choice.receive)})
         self._forward(outlets)
-        self._tell(State(own.host, participants, tuple(outlets.values())))
+        self._tell(State(self._number, own.host, participants, tuple(outlets.values())))
 
     def _repeat(self, uid: str, peer: Peer, wishes: set[Key]) -> None:
         given = {out.gid: out for out in peer.state.outlets if (out.topic, out.type_name) in wishes}
@@ -279,9 +288,14 @@ class Bridge(Loop):
         if state != self._announced:
             from zenoh import CongestionControl
 
-            self._announced = state
+            self._announced = state = replace(state, number=state.number + 1)
             key = key_of(self._bus.uid, 'state')
             self._session.put(key, state.to_json(), congestion_control=CongestionControl.BLOCK)
+
+    @property
+    def _number(self) -> int:
+        """That of the state announced last; 0 before the first."""
+        return self._announced.number if self._announced is not None else 0
 
     def _passing_on(self, uid: str, host: str, service: tuple[str, str]) -> ServiceHandler:
         """What passes calls of a service on to another machine; used by the thread of the bus."""

@@ -12,7 +12,7 @@ from tactile_nodes.bus.zeromq.records import Outlet, checked, participant_from
 from tactile_nodes.errors import MessageError
 from tactile_nodes.params import matches
 
-VERSION = '3'
+VERSION = '4'
 MALFORMED = (MessageError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, struct.error)
 EVERYBODY = '*'
 _ROOT = 'tactile_nodes'
@@ -37,7 +37,7 @@ def key_of(uid: str, *parts: str, version: str = VERSION) -> str:
     """The Zenoh key expression of what the bridge of a participant offers.
 
     >>> key_of('1f', 'state')
-    'tactile_nodes/3/1f/state'
+    'tactile_nodes/4/1f/state'
     """
     return '/'.join((_ROOT, version, uid, *parts))
 
@@ -50,8 +50,9 @@ def bridge_of(key: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class State:
-    """One machine as its bridge sees it: who lives there, and what may be had of them."""
+    """One machine as its bridge sees it: who lives there, and what may be had of them. Each change has a number."""
 
+    number: int
     host: str
     participants: tuple[Participant, ...]
     outlets: tuple[Outlet, ...]
@@ -64,6 +65,7 @@ class State:
         """The reverse. Raises one of `MALFORMED`."""
         fields = json.loads(text)
         return cls(
+            int(fields['number']),
             str(fields['host']),
             tuple(map(participant_from, fields['participants'])),
             tuple(checked(Outlet, entry) for entry in fields['outlets']),

@@ -497,6 +497,35 @@ def test_type_that_a_bridge_does_not_know_keeps_nothing_else_from_crossing(
         newer.leave()
 
 
+def test_a_change_that_did_not_arrive_is_asked_for(
+    join: Callable[..., ZmqBus], port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that is published while the others connect may be lost, or be overtaken by the answer from before."""
+    hear, lost = Bridge._hear, list[str]()
+
+    def hear_all_but_one(bridge: Bridge, sample: zenoh.Sample) -> None:
+        if bridge is connecting and b'/late' in sample.payload.to_bytes() and not lost:
+            lost.append(str(sample.key_expr))
+        else:
+            hear(bridge, sample)
+
+    monkeypatch.setattr(Bridge, '_hear', hear_all_but_one)
+    here, there = join(7), join(8)
+    listening = Bridge(here, open_session(Address(HERE, port)), Choice())
+    connecting = Bridge(there, open_session(None, [Address(HERE, port)]), Choice())
+    try:
+        until(
+            lambda: [clock for _, clock in connecting.connected() if clock.ahead_ns is not None],
+            'them to know each other',
+        )
+        here.add_node('/late')
+        until(lambda: '/late' in there.graph().nodes())
+        assert lost
+    finally:
+        connecting.close()
+        listening.close()
+
+
 def test_closed_bridge_receives_nothing_more_of_what_it_forwarded(join: Callable[[], ZmqBus], port: int) -> None:
     """One that searches for others is closed, and opened anew, with each that it finds."""
     robot, bus = join(), join()
