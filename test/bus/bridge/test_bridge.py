@@ -174,7 +174,7 @@ def test_nodes_of_the_other_machine_are_seen_and_their_services_called(joined: t
     there.serve('/lab/rig/stop', 'refuse')
     there.serve('/lab/rig/home', 'answer')  # whoever knows it knows the one before
     until(lambda: '/lab/rig' in here.nodes())
-    until(lambda: here.call('/lab/rig/home') == f'from {there.pid()}')
+    until(lambda: here.call('/lab/rig/home', 5.0) == f'from {there.pid()}')
     assert here.call('/lab/rig/stop') == 'ServiceError: /lab/rig/stop: /lab/rig/stop: not today'
     assert here.call('/lab/none').startswith('ServiceUnavailableError')
 
@@ -215,7 +215,7 @@ def test_only_what_is_chosen_crosses_the_bridge(machine: Callable[[], Machine], 
     _until_received(talker, listener, '/skin/force')
     for topic in ('/both', '/other', '/skin/deep/force'):
         talker.say(topic, 2)
-    until(lambda: listener.call('/allowed').startswith('from'))
+    until(lambda: listener.call('/allowed', 5.0).startswith('from'))
     assert 'may not be called from other machines' in listener.call('/forbidden')
     assert [listener.received(topic) for topic in ('/both', '/other', '/skin/deep/force')] == [[], [], []]
 
