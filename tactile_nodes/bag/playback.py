@@ -60,7 +60,7 @@ class Timeline:
 
 
 _SLICE_NS = 20_000_000  # longest reaction time to a pause, a stop or another rate
-_STOOD_STILL_NS = NS_PER_S  # after Ctrl-Z, or if the computer slept, messages are not made up for all at once
+_STOOD_STILL_NS = NS_PER_S  # after Ctrl-Z, or if the computer slept, what was missed is not sent all at once
 _ADD_UP = type_name(types.TFMessage)
 _HEARD_WITHIN_NS = 5 * NS_PER_S  # a recorder may receive an earlier latched message this late
 

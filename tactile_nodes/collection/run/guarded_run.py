@@ -239,7 +239,7 @@ def felt_for(
         yield Look(LOOK_S)
         measure()
         felt = feel()
-        observation = yield Look(0.0)  # after the force, which is not from the future if this thread had to wait
+        observation = yield Look(0.0)  # the time after the force, which a pause in between would date in the future
         step_mm = guarded.step_mm(observation.now_ns, felt)
         if step_mm:
             z_mm -= step_mm

@@ -37,7 +37,7 @@ JITTER_NS = 10e6
 JUMP_NS = 20e6
 EVEN = 0.15  # fraction of the growth: tolerance of the value at half time
 EARLY_JITTER_NS = 200e6
-NO_LEAPS = [0.0, 0.0, 0.0]
+NO_LEAPS = [0.0, 0.0, 0.0]  # of three pauses of the host
 SETTLED_AFTER = 8  # samples
 SETTLED_AFTER_NS = 100_000_000
 SETTLED_AT_LAST_NS = 500_000_000  # by the host's clock, if the counter hardly moves
@@ -147,7 +147,7 @@ class TickClock:
     def _observe(self, x: float, y: float) -> None:
         if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # a counter that stands still does not show its rate
             self._leaps = sorted([*self._leaps, y - self._y])[1:]
-            # A wrong rate makes samples later and later; after a blocked host they are late at once, if not thrice.
+            # A wrong rate makes samples later and later; a pause of the host makes them late at once.
             self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or 0 < y < 2 * sum(self._leaps)
         self._x, self._y = x, y
         if self._block is None or x >= self._block_ends:

@@ -102,7 +102,7 @@ class Child:
         with pipe:
             while data:
                 ready.poll()
-                with self._reading:  # whoever has it next knows that what was read was taken
+                with self._reading:  # what was read under this lock has also been shown
                     data = _some_of(pipe)
                     *lines, rest = (rest + data).split(b'\n')
                     if rest and (not data or len(rest) >= _LONGEST_LINE):
