@@ -13,7 +13,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.pipeline.methods import describe_flow
-from tactile_nodes.pipeline.reasons import ALTERED, UNMEASURED
+from tactile_nodes.pipeline.reasons import UNMEASURED
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
 from tactile_nodes.sensing.explain.network import NetworkReadout
@@ -104,8 +104,8 @@ class Ready:
 
     @property
     def unsure_of(self) -> int:
-        """Reasons after which its error is unknown: a network's errors on altered images follow no rule."""
-        return ALTERED if isinstance(self.loaded.model.readout, NetworkReadout) else 0
+        """Reasons after which its error is unknown: a network may take noise or a blur for force."""
+        return int(FORCE.REASON_BLURRED) if isinstance(self.loaded.model.readout, NetworkReadout) else 0
 
     @property
     def reasons(self) -> int:

@@ -64,12 +64,13 @@ def test_an_altered_picture_is_two_hundredths_of_doubt_and_ok_while_that_is_with
     assert judged(found, reason) == Judged(pytest.approx(sigma_n), FORCE.STATUS_DEGRADED, reason)
 
 
-@pytest.mark.parametrize('reason', [FORCE.REASON_LIGHT_CHANGED, FORCE.REASON_BLURRED])
-def test_a_network_in_an_altered_picture_is_never_ok(reason: int) -> None:
-    """Its errors there follow no rule: noise of four times the usual made `paper` 0.26 N off."""
+def test_a_network_in_a_noisy_or_blurred_picture_is_never_ok() -> None:
+    """Noise of four times the usual made `paper` 0.26 N off. Other light, or a fifth of the markers gone, changes its
+    forces by less than its usual error."""
     usual = dataclasses.replace(force_map(), nominal_n=0.5)
-    assert judged(usual, reason, unsure_of=reason).status == FORCE.STATUS_DEGRADED
-    assert Estimating('paper').now.unsure_of & reason
+    unsure_of = Estimating('paper').now.unsure_of
+    assert judged(usual, FORCE.REASON_BLURRED, unsure_of=unsure_of).status == FORCE.STATUS_DEGRADED
+    assert judged(usual, FORCE.REASON_LIGHT_CHANGED, unsure_of=unsure_of).status == FORCE.STATUS_OK
     assert not Estimating('fast').now.unsure_of
 
 

@@ -29,7 +29,6 @@ from tactile_nodes.sensing.explain.reading import (
     nothing_read,
 )
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.metrics import interval_factor
 from tactile_nodes.shapes import Bool, Float, Float32, Int
 
 LEAST_REGIONS = 12
@@ -280,8 +279,13 @@ class FieldReadout:
         )  # fmt: skip
 
     def _untouched(self, unlike: float, unseen_n: float) -> Reading:
+        """No force, as far as the picture shows: a force up to `unseen_n` may be hidden.
+
+        Such a gel is as likely untouched as touched by any force up to there. The root mean square of that is
+        `unseen_n` / √6.
+        """
         none = np.zeros((self.bins.rows, self.bins.cols), np.float32)
-        sigma_n = max(self.spread.nominal[0], unseen_n / interval_factor())
+        sigma_n = max(self.spread.nominal[0], unseen_n / math.sqrt(6))
         contact = Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n)
         return Reading(none, (contact,), sigma_n, unlike, acting=self.nothing(sigma_n))
 
