@@ -199,10 +199,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             self._after_stop(dialogue)
 
     def _after_stop(self, dialogue: MarlinDialogue) -> None:
-        """Read the position; a jump may be a damaged response, so it is requested again."""
+        """Read the position."""
         place = self.status().position_mm
-        if self._motion.doubted:
-            place = self.status().position_mm
         dialogue.refusal = ''
         if not dialogue.place_lost:
             self._rests_at(place)
@@ -223,7 +221,11 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._arrived()
 
     def status(self) -> CncStatus:
-        """As `Cnc.status`: M114."""
+        """As `Cnc.status`: M114, again after a doubtful response, which may be damaged."""
+        status = self._asked_status()
+        return self._asked_status() if status.position_mm == self._motion.doubtful else status
+
+    def _asked_status(self) -> CncStatus:
         dialogue = self._talk()
         request = dialogue.ask(PLACE, self._patience_s())
         place = _place_in(request.lines)

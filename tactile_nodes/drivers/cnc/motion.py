@@ -50,11 +50,13 @@ class Motion:
         moving: motion was requested that is not known to be done.
         jogging: this motion consists of jogs.
         doubted: the last report was doubtful.
+        doubtful: the position in the last doubtful report; None: none was doubtful.
         lowest_mm: how low the tip may be, if the expected position was lost; None: it was not, or not known before.
     """
 
     def __init__(self, follows: bool = True) -> None:
         self.moving = self.jogging = self.doubted = False
+        self.doubtful: Place | None = None
         self.lowest_mm: float | None = None
         self._low_mm = math.inf  # the lowest height since the last rest
         self._follows = follows
@@ -97,7 +99,7 @@ class Motion:
         with self._lock:
             on = next((number for number, leg in enumerate(self._legs) if leg.is_near(place)), None)
             if on is None and not self._can_have_gone(place, by_ns):
-                again, self.doubted = self.doubted, True
+                again, self.doubted, self.doubtful = self.doubted, True, place
                 return Verdict.LOST if again else Verdict.DOUBTFUL
             self._last_report, self.doubted = (place, by_ns), False
             if on is None:

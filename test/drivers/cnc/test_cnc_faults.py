@@ -296,6 +296,41 @@ def test_a_single_damaged_report_ends_no_press() -> None:
     assert rig.cnc.health.level is Level.OK
 
 
+@pytest.mark.parametrize(
+    ('kind', 'told', 'arriving'),
+    [('grbl', b'-60.000,-30.000', b'-60.000,-20.000'), ('marlin', b'Z:30.00 E', b'Z:40.00 E')],
+)
+def test_a_single_damaged_report_before_the_way_down_leads_no_deeper(kind: str, told: bytes, arriving: bytes) -> None:
+    """The way down is the difference between the target and the reported place: it would be 10 mm longer."""
+    rig = press_rig(kind)
+    rig.press()
+    rig.go(-60.0, -60.0, SURFACE_MM)
+    rig.faults.change('<', told, arriving)
+    rig.hands.perform(Go(z=rig.at(0.0, 0.0, SURFACE_MM - 2.0)[2], feed_mm_min=60.0))
+    assert rig.faults.done == 1
+    assert rig.rest() == pytest.approx(2.0, abs=0.01)
+    assert rig.cnc.health.level is Level.OK
+
+
+@pytest.mark.parametrize(
+    ('kind', 'told', 'arriving'), [('grbl', b'0,-30.', b'0,-10.'), ('marlin', b' Z:29.', b' Z:49.')]
+)
+def test_a_single_damaged_height_is_told_to_nobody(kind: str, told: bytes, arriving: bytes) -> None:
+    rig, heights = press_rig(kind), []
+    look = rig.hands._on_status
+    assert look is not None
+
+    def watch(status: CncStatus) -> None:
+        heights.append(status.position_mm[2] - rig.at(0.0, 0.0, SURFACE_MM)[2])
+        look(status)
+
+    rig.hands._on_status = watch
+    rig.press(lambda: rig.faults.change('<', told, arriving))
+    assert rig.faults.done == 1
+    assert max(heights[-20:]) < 1.0
+    assert rig.rest() == pytest.approx(2.0, abs=0.01)
+
+
 def test_a_controller_that_repeats_what_it_received_is_taken_at_its_word() -> None:
     rig = press_rig()
 
