@@ -71,7 +71,8 @@ def _greeted(machine: Machine, begin: Beginning, clock: Clock, folder: Path) -> 
         except TactileError as error:
             return bench.named(f'refused: {error}')
         try:
-            return f'{_firmware(cnc).split()[0]}, {cnc.status().state.value}'
+            name = _firmware(cnc).rpartition(' ')[0]
+            return f'{name}, {cnc.status().state.value}'
         except TactileError as error:
             return bench.named(f'failed: {error}')
         finally:
