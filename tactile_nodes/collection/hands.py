@@ -302,6 +302,7 @@ class Guard:
         self._cnc = cnc
         self._clock = clock
         self._homing = homing
+        self._lock = threading.Lock()  # makes the two events change together
         self._tripped = threading.Event()
         self._ending = False
         self.stopped = threading.Event()
@@ -314,8 +315,9 @@ class Guard:
 
     def stop(self) -> None:
         """Stop the machine now; returns at once."""
-        self.stopped.clear()
-        self._tripped.set()
+        with self._lock:
+            self.stopped.clear()
+            self._tripped.set()
 
     def close(self) -> None:
         """End the thread."""
@@ -346,4 +348,6 @@ class Guard:
                     self._clock.sleep_until(self._clock.now_ns() + round(STATE_S * NS_PER_S))
                     again = self._homing()
         finally:
-            self.stopped.set()
+            with self._lock:
+                if self._ending or not self._tripped.is_set():  # a reason that came meanwhile has its own stop
+                    self.stopped.set()

@@ -132,6 +132,27 @@ def test_homing_ends_at_once_when_the_run_is_asked_to_end(begins: bool, monkeypa
         station.close()
 
 
+def test_a_reason_to_stop_that_comes_during_a_stop_stops_the_machine_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What moved between the two stops, as a jog just sent, would go on."""
+    station, stops, twice = near(), [], threading.Event()
+
+    def stop() -> None:
+        stops.append(station.guard.stopped.is_set())
+        if len(stops) == 1:
+            station.guard.stop()
+        else:
+            twice.set()
+
+    monkeypatch.setattr(station.cnc, 'stop', stop)
+    try:
+        station.guard.stop()
+        assert twice.wait(PATIENCE_S)
+        assert stops == [False, False]
+        assert station.guard.stopped.wait(PATIENCE_S)
+    finally:
+        station.close()
+
+
 def test_a_bug_in_what_watches_the_rig_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:
     station = near()
     try:
