@@ -65,8 +65,8 @@ def test_an_altered_picture_is_two_hundredths_of_doubt_and_ok_while_that_is_with
 
 
 def test_a_network_in_a_noisy_or_blurred_picture_is_never_ok() -> None:
-    """Noise of four times the usual made `paper` 0.26 N off. Other light, or a fifth of the markers gone, changes its
-    forces by less than its usual error."""
+    """Noise of four times the usual made `paper` 0.26 N off. With 30 % more or less light, or a fifth of the
+    markers gone, most of its forces stay within twice the nominal error."""
     usual = dataclasses.replace(force_map(), nominal_n=0.5)
     unsure_of = Estimating('paper').now.unsure_of
     assert judged(usual, FORCE.REASON_BLURRED, unsure_of=unsure_of).status == FORCE.STATUS_DEGRADED

@@ -50,7 +50,7 @@ class Motion:
         moving: motion was requested that is not known to be done.
         jogging: this motion consists of jogs.
         doubted: the last report was doubtful.
-        doubtful: the position in the last doubtful report; None: none was doubtful.
+        doubtful: the position in the last doubtful report, also if another thread has had a good one since; or None.
         lowest_mm: how low the tip may be, if the expected position was lost; None: it was not, or not known before.
     """
 

@@ -129,9 +129,9 @@ def test_nine_times_the_noise_alone_is_explained_by_nothing_either(readout: Fiel
 def test_what_so_much_noise_may_hide_is_reported_and_is_not_ok(readout: FieldReadout) -> None:
     """A force is ok while its deviation is at most twice the nominal error. Half the squared motion of a force over the
     noise is what it gains; nothing is reported where that is below 8, or below what the l1 term takes from the best
-    contact of 16 patches: 2 times 7 for each. Nothing may be there as well, so the deviation is that of a force between
-    zero and there, half of the time: 1/√6 of it. With twice the noise of motion, as in pictures of four times the
-    noise, a gel at rest stays ok."""
+    contact of 16 patches: 2 times 7 for each. The gel is as likely untouched, so the deviation is 1/√6 of that force
+    (uniform from zero up to it, in half of the cases). With twice the noise of motion, as in pictures of four times
+    the noise, a gel at rest stays ok."""
     noise = np.random.default_rng(5).standard_normal((SIDE, SIDE, 2)).astype(np.float32) * NOISE_PX
     sure, nominal_n = np.ones((SIDE, SIDE), np.float32), readout.nominal_n(0.0)
     quiet, noisy = readout.read(noise, sure), readout.read(9 * noise, sure)

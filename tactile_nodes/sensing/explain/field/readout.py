@@ -281,8 +281,8 @@ class FieldReadout:
     def _untouched(self, unlike: float, unseen_n: float) -> Reading:
         """No force, as far as the picture shows: a force up to `unseen_n` may be hidden.
 
-        Such a gel is as likely untouched as touched by any force up to there. The root mean square of that is
-        `unseen_n` / √6.
+        An untouched gel is assumed to be as likely as a touched one, and all forces up to there to be equally likely.
+        The root mean square of the force is then `unseen_n` / √6.
         """
         none = np.zeros((self.bins.rows, self.bins.cols), np.float32)
         sigma_n = max(self.spread.nominal[0], unseen_n / math.sqrt(6))
