@@ -137,15 +137,14 @@ def _nearby(pressed, cols, near):
 
 
 @compiled()
-def _hold(pressed, cols, regularization, near, held):
-    """As `FieldSolver._held`. Also fills in the nearby patches."""
-    _nearby(pressed, cols, near)
+def _hold(pressed, near, weight, regularization, held):
+    """As `FieldSolver._held`."""
     total, above, squared = 0.0, 0.0, 0.0
     for k in range(pressed.shape[0]):
         more = max(pressed[k] - solver.UNSEEN_N / 2, 0.0)
         total, above, squared = total + pressed[k], above + more, squared + more * more
     wide = solver.WIDE / max(above * above / max(squared, 1e-12), 1.0)
-    weight, total, mean = solver.HELD * regularization * min(1.0, wide * wide), max(total, solver.LEAST_N), 0.0
+    weight, total, mean = weight * min(1.0, wide * wide), max(total, solver.LEAST_N), 0.0
     for k in range(pressed.shape[0]):
         held[k] = weight / (near[k] + solver.SPREAD * total)
         mean += pressed[k] * held[k] / total
@@ -182,7 +181,8 @@ def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, regularization, 
     near, held, by_place = np.empty(patches), np.empty(patches), np.zeros(around.shape[0])
     for k in range(patches):
         pressed[k] = around[bin_of[k]] / PER_BIN**2
-    _hold(pressed, cols, regularization, near, held)
+    _nearby(pressed, cols, near)
+    _hold(pressed, near, solver.HELD * regularization, regularization, held)
     for k in range(patches):
         by_place[bin_of[k]] += held[k]
     information, evidence = np.empty((n, n), np.float32), np.empty(n, np.float32)
@@ -221,9 +221,9 @@ def _moves(caused):
 
 @compiled(
     'Tuple((b1, f8[:, ::1], i8[::1], f4[:, ::1], f8, f8))(UniTuple(f4[:, ::1], 2), i8[::1], f8[::1], f8[::1], '
-    'Tuple((f4[::1], f4[:, ::1])), i8, f8)'
+    'Tuple((f4[::1], f4[:, ::1])), i8, UniTuple(f8, 2))'
 )
-def field(by_force, bin_of, around, motion, weights, cols, regularization):
+def field(by_force, bin_of, around, motion, weights, cols, regularizing):
     """As `FieldSolver.field`, if there are bins to solve on: those above the limit, or all of one value.
 
     Args:
@@ -233,12 +233,13 @@ def field(by_force, bin_of, around, motion, weights, cols, regularization):
         motion: motion of the regions along x and y.
         weights: weights of the regions, and the camera's share.
         cols: number of patch columns.
-        regularization: share of the weight that regularizes forces and patches.
+        regularizing: share of the regularization that is used, and the weight of the l1 term in light contacts.
 
     Returns:
         Whether the forces are separable, the forces, the patches that were solved on, the root of the forces'
         covariance, and the squares of the motion and of its residual.
     """
+    regularization, lightly_held = regularizing
     patches, limit = bin_of.shape[0], 0.0
     for value in around:
         limit = max(limit, solver.ACTIVE * value)
@@ -249,11 +250,11 @@ def field(by_force, bin_of, around, motion, weights, cols, regularization):
     bins = which[: _chosen(around, limit, np.ones(around.shape[0], np.bool_), which)].copy()
     pressed, near, held = np.empty(patches), np.empty(patches), np.empty(patches)
     able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, regularization, pressed)
-    _hold(pressed, cols, regularization, near, held)
-    limit = 0.0
-    for value in near:
-        limit = max(limit, solver.ACTIVE * value)
-    count = _chosen(near, limit, allowed, which) if able else 0
+    _nearby(pressed, cols, near)
+    highest = near.max()
+    weight = min(solver.HELD * regularization, max(lightly_held, solver.HELD_PER_N * highest))
+    _hold(pressed, near, weight, regularization, held)
+    count = _chosen(near, solver.ACTIVE * highest, allowed, which) if able else 0
     active, n = which[:count].copy(), 3 * count
     forces, root = np.zeros((3, patches)), np.zeros((n, n), np.float32)
     information, evidence, found = np.empty((n, n), np.float32), np.empty(n, np.float32), np.zeros(n)

@@ -62,7 +62,7 @@ def off(readout: FieldReadout, dataset: Dataset, acting: np.ndarray) -> tuple[fl
 def test_presses_of_one_body_calibrate_what_is_reported_of_another(
     model: LoadedModel, made: Transfer, pressed: dict[str, tuple[Dataset, np.ndarray]]
 ) -> None:
-    """The issue's aim is 2 % and 0.08 mm with a hundred presses; without any these totals are a third low."""
+    """The issue's aim is 2 % and 0.08 mm with a hundred presses; without any these totals are a quarter low."""
     readout = made.readout
     assert isinstance(readout, FieldReadout)
     assert readout.tips is None
@@ -72,7 +72,7 @@ def test_presses_of_one_body_calibrate_what_is_reported_of_another(
     assert total < 0.05  # 0.052 if presses counted as if the layer were linear
     assert centre < 0.15
     uncalibrated = dataclasses.replace(model.model.readout, tips=None)  # type: ignore[type-var]
-    assert off(uncalibrated, *pressed['ring'])[0] > 0.25  # type: ignore[arg-type]
+    assert off(uncalibrated, *pressed['ring'])[0] > 0.2  # type: ignore[arg-type]
 
 
 def test_a_square_that_is_taken_for_a_ball_leaves_more_unexplained_and_forces_right_all_the_same(

@@ -41,6 +41,17 @@ def test_a_dragged_contact_is_reported_with_its_place_force_and_shear(solver: Fi
     assert np.abs(estimated - true).sum() / 2 < 0.15 * 1.5
 
 
+def test_the_force_of_a_light_wide_contact_is_not_reduced(solver: FieldSolver) -> None:
+    """With the weight that selects the patches, the l1 term reduces 0.1 N on a ring by an eighth."""
+    x, y = (solver.patches.centres_mm - np.array([2.0, 1.0])).T
+    forces = np.zeros((3, solver.patches.count))
+    forces[0] = np.abs(np.hypot(x, y) - 3.0) < 0.9
+    for total_n in (0.1, 0.2):
+        motion = moved(solver, total_n * forces / forces.sum())
+        field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
+        assert field.total_n == pytest.approx(total_n, rel=0.1)
+
+
 def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
     motion = moved(solver, np.zeros((3, solver.patches.count)))
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
