@@ -126,6 +126,16 @@ def test_nine_times_the_noise_alone_is_explained_by_nothing_either(readout: Fiel
         assert not readout.read(values, np.ones((SIDE, SIDE), np.float32)).normal_force_n.any(), seed
 
 
+def test_a_calibrated_response_explains_such_noise_by_nothing_either(readout: FieldReadout) -> None:
+    """As above, with twice the error where regions are followed wrongly. Three forces on each patch that is solved would
+    explain more of it than one for each patch."""
+    calibrated, sure = replace(readout, doubt=0.02), np.ones((SIDE, SIDE), np.float32)
+    for seed in (11, 14, 15, 19, 41, 47, 50):
+        values = 9 * NOISE_PX * np.random.default_rng(seed).standard_normal((SIDE, SIDE, 2)).astype(np.float32)
+        values[::7, ::7] *= 12
+        assert not calibrated.read(values, sure).normal_force_n.any(), seed
+
+
 def test_what_so_much_noise_may_hide_is_reported_and_is_not_ok(readout: FieldReadout) -> None:
     """A force is ok while its deviation is at most twice the nominal error. Half the squared motion of a force over the
     noise is what it gains; nothing is reported where that is below 8, or below what the l1 term takes from the best

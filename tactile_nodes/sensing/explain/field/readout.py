@@ -188,7 +188,7 @@ class FieldReadout:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
             if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
                 return self._with_acting(tips[0])
-        least = max(self.least_gain, float(count))
+        least = max(self.least_gain, self.solver.unknowns(count))
         if found.gain < least:
             return self._untouched(unlike, self.solver.unseen_n(weights, least))
         return self._reading(found, unlike, self.solver.reduced_n(weights, found.total_n))

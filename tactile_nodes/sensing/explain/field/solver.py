@@ -257,6 +257,10 @@ class FieldSolver:
         shown = float(pressed @ self._shown) / max(float(pressed.sum()), LEAST_N)
         return max(1 / max(shown, LEAST_SHOWN) - 1, 0.0)
 
+    def unknowns(self, patches: int) -> float:
+        """About how many forces on so many patches the regions can distinguish: up to three on each."""
+        return patches * max(1.0, 3 * self._regularization)
+
     def unseen_n(self, weights: Weights, gain: float) -> float:
         """The force below which a contact may be reported as zero: it has this gain, or the l1 term suppresses it.
 
