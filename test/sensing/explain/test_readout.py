@@ -127,8 +127,8 @@ def test_nine_times_the_noise_alone_is_explained_by_nothing_either(readout: Fiel
 
 
 def test_a_calibrated_response_explains_such_noise_by_nothing_either(readout: FieldReadout) -> None:
-    """As above, with twice the error where regions are followed wrongly. Three forces on each patch that is solved would
-    explain more of it than one for each patch."""
+    """As above, with twice the error where regions are followed wrongly: forces of up to 3 N explained it, if the
+    likelihood had to gain only as much as there were patches, and not as there were forces (Akaike)."""
     calibrated, sure = replace(readout, doubt=0.02), np.ones((SIDE, SIDE), np.float32)
     for seed in (11, 14, 15, 19, 41, 47, 50):
         values = 9 * NOISE_PX * np.random.default_rng(seed).standard_normal((SIDE, SIDE, 2)).astype(np.float32)
