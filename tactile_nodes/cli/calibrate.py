@@ -67,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.calibrating.listing import listed
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model
     from tactile_nodes.paths import check_output
@@ -81,7 +82,10 @@ def run(arguments: argparse.Namespace) -> int:
         )
     _require_used(arguments)
     model = find_model(arguments.model)
-    check_output(arguments.output, *arguments.bags, arguments.dataset, arguments.pictures, arguments.layer, model)
+    named = map(Path, filter(None, (arguments.sensor, arguments.body, arguments.gel)))
+    check_output(
+        arguments.output, *arguments.bags, arguments.dataset, arguments.pictures, arguments.layer, model, *named
+    )
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     if not (arguments.gel or arguments.dataset):
         progress.say('the model will not name its gel; give the name with --gel')
@@ -95,30 +99,18 @@ def run(arguments: argparse.Namespace) -> int:
     _say_curve(getattr(made, 'curve', ()))
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
-    _say_objection(made.objection)
-    _list(arguments)
+    if made.objection:
+        print(f'written because of --force: {made.objection}')
+    print(listed(arguments.output, Path(arguments.sensor or '').stem))
     return 0
 
 
-def _list(arguments: argparse.Namespace) -> None:
-    """Add the calibration to the lab's list of gels."""
-    from tactile_nodes.learning.calibrating.listing import listed
-
-    print(listed(arguments.output, Path(arguments.sensor or '').stem))
-
-
 def _say_curve(points: Sequence[Point]) -> None:
-    """Print the error of the force field against the number of presses."""
     if points:
         print('held-out presses read by the force field alone, fitted to:')
     for point in points:
         force, place = point.errors.force_rmse_n, point.errors.place_median_mm
         print(f'{point.presses:5d} presses: force RMSE {force:.4f} N, centre {place:.3f} mm (median); {point.form}')
-
-
-def _say_objection(objection: str) -> None:
-    if objection:
-        print(f'written because of --force: {objection}')
 
 
 def _require_used(arguments: argparse.Namespace) -> None:

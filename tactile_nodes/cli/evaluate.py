@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     _check(arguments)
     with on_cluster(arguments.on):
-        evaluated = [_evaluated(name, arguments) for name in arguments.model]
+        evaluated = _distinct([_evaluated(name, arguments) for name in arguments.model])
     print(report(evaluated))
     if arguments.json:
         scores = [each.as_dict() for each in evaluated]
@@ -103,12 +104,17 @@ def _given(value: int | None, usual: int) -> int:
     return usual if value is None else value
 
 
+def _distinct(evaluated: list[Evaluation]) -> list[Evaluation]:
+    """The same, with the id in the names of models whose files have the same name."""
+    from dataclasses import replace
+
+    often = Counter(each.name for each in evaluated)
+    return [replace(each, name=f'{each.name}_{each.model_id}') if often[each.name] > 1 else each for each in evaluated]
+
+
 def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:
-    """A file name for each of several models, with the id if their files have the same name."""
-    if len(evaluated) == 1:
-        return file
-    name = one.name if sum(each.name == one.name for each in evaluated) == 1 else f'{one.name}_{one.model_id}'
-    return file.with_name(f'{file.stem}_{name}{file.suffix}')
+    """A file name for each of several models."""
+    return file if len(evaluated) == 1 else file.with_name(f'{file.stem}_{one.name}{file.suffix}')
 
 
 def _tell(evaluated: Evaluation, table: Path) -> None:

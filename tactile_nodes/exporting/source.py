@@ -163,6 +163,7 @@ class Source:
             found = StampedMessage(message.topic, self._stamp_ns(message), message.log_ns, decoded)
             self.provenance.take(found, self.layouts[message.topic].is_force)
             yield found
+        bar.advance(self.count % TELL_EVERY)
 
     def facts(self) -> dict[str, Any]:
         """The facts about the messages read; complete once all were read."""

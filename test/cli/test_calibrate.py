@@ -354,6 +354,15 @@ def test_the_model_to_begin_with_is_not_replaced(
     assert model.read_bytes() == before
 
 
+@pytest.mark.parametrize('option', ['--sensor', '--body'])
+def test_neither_is_a_description_or_a_body(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / 'mine.yaml'
+    file.write_text('name: mine\n')
+    assert main(['calibrate', '--model', 'field', '--pictures', 'presses.csv', option, str(file), '-o', str(file)]) == 1
+    assert f'{file} is read for it; choose another file' in capsys.readouterr().err
+    assert file.read_text() == 'name: mine\n'
+
+
 @pytest.mark.parametrize(
     ('unused', 'refusal'),
     [

@@ -85,6 +85,18 @@ def test_pictures_of_another_size_than_described_make_no_data_set(
     assert not output.exists()
 
 
+@pytest.mark.parametrize('option', ['--model', '--sensor', '--profile', '--gel'])
+@pytest.mark.parametrize('verb', ['build', 'import'])
+def test_what_says_how_to_measure_is_not_replaced(
+    verb: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text('name: mine\n')
+    assert main(['dataset', verb, str(tmp_path / 'presses'), option, str(mine), '-o', str(mine)]) == 1
+    assert f'{mine} is read for it; choose another file' in capsys.readouterr().err
+    assert mine.read_text() == 'name: mine\n'
+
+
 def test_info_draws(file: Path, tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     assert main(['dataset', 'info', str(file), '--picture', str(tmp_path / 'p.png')]) == 0

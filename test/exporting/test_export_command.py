@@ -19,6 +19,8 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.exporting import libraries
 from tactile_nodes.exporting.output import FACTS
 from tactile_nodes.exporting.parquet import ParquetSink
+from tactile_nodes.exporting.source import Source
+from tactile_nodes.learning.progress import Bar
 from tactile_nodes.messages import types
 from tactile_nodes.viewing.force_shapes import force_map
 
@@ -37,6 +39,12 @@ def test_an_export_that_is_there_is_replaced_only_with_force(bag: Path, capsys: 
     words = ['export', 'parquet', str(bag), '-o', str(output)]
     assert [main(words), main(words), main([*words, '--force'])] == [0, 1, 0]
     assert '--force' in capsys.readouterr().err
+
+
+def test_all_messages_count_as_done_at_the_end(bag: Path) -> None:
+    done: list[int] = []
+    with Source(bag) as source:
+        assert len(list(source.messages(Bar(lambda steps, _: done.append(steps))))) == source.count == sum(done)
 
 
 def test_a_dot_in_the_name_of_a_bag_is_kept_in_that_of_its_export(

@@ -42,9 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.recorded.building import build
-    from tactile_nodes.paths import check_output
 
-    check_output(arguments.output, *arguments.bags)
+    methods.require_output(arguments, *arguments.bags)
     progress = TerminalProgress()
     command = shlex.join(['tactile', *sys.argv[1:]])
     try:

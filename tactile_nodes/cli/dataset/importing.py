@@ -36,11 +36,10 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.tables.pictures import pictures_of
     from tactile_nodes.learning.tables.presses import read_table
-    from tactile_nodes.paths import check_output
 
     if arguments.pictures is not None and not arguments.pictures.exists():
         raise ConfigurationError(f'no folder or video {arguments.pictures}; give the path of the pictures')
-    check_output(arguments.output, *arguments.tables, arguments.pictures)
+    methods.require_output(arguments, *arguments.tables, arguments.pictures)
     options = methods.method_options(arguments)
     tables = [read_table(file, options.bins.reach_mm, arguments.untouched_below) for file in arguments.tables]
     presses = import_presses(

@@ -40,6 +40,14 @@ def add_without_contact(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def require_output(arguments: argparse.Namespace, *read: Path | None) -> None:
+    """Refuse an output that cannot be written, or that is an input. Raises ConfigurationError."""
+    from tactile_nodes.paths import check_output
+
+    of_methods = arguments.model, arguments.profile, arguments.sensor, arguments.gel
+    check_output(arguments.output, *read, *map(Path, filter(None, of_methods)))
+
+
 def method_options(arguments: argparse.Namespace) -> BuildOptions:
     """How pictures are measured, and of which gel.
 

@@ -5,29 +5,25 @@ Values that a model does not provide are shown as '-'.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING
-
-from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
-from tactile_nodes.learning.evaluation.statuses import StatusScores
-from tactile_nodes.learning.evaluation.text_table import Table
-from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
-
-if TYPE_CHECKING:
-    from tactile_nodes.learning.evaluation.evaluate import Evaluation
-
-
 import csv
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.files import TEXT_BYTES
 from tactile_nodes.learning.evaluation.predictions import Predictions
+from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
+from tactile_nodes.learning.evaluation.statuses import StatusScores
+from tactile_nodes.learning.evaluation.text_table import Table
+from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
 from tactile_nodes.messages import types
 from tactile_nodes.paths import check_output
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.evaluation.evaluate import Evaluation
 
 MERITS = {
     'presses': 'presses', 'armse_n': 'aRMSE N', 'd_loc_mm': 'd_loc mm', 'rmse_mc_n': 'RMSE_mc N',

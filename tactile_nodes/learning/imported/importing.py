@@ -236,7 +236,7 @@ def _taken(
     except ImageError as error:
         raise DatasetError(f'{table.file}: {error}') from error
     for part in parts:
-        with faults.row(part.rests[0].line):
+        with faults.row(part.rests[0].line, (ImageError,)):
             measurer.look_before([picture_of[row.line] for row in part.rests])
             moved |= {row.line: measurer.measure([picture_of[row.line]]).values for row in part.rests}
     faults.require_none()

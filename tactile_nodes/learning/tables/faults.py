@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
+from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError, TactileError
 
 SHOWN_ROWS = 12
+ERRORS = DatasetError, ConfigurationError, ImageError
 
 
 class RowFaults:
@@ -22,11 +23,11 @@ class RowFaults:
         return len(self._found)
 
     @contextmanager
-    def row(self, line: int) -> Iterator[None]:
-        """Context for one row. An error in it is stored, and the next row continues."""
+    def row(self, line: int, of: tuple[type[TactileError], ...] = ERRORS) -> Iterator[None]:
+        """Context for one row. An error in it, of these types, is stored, and the next row continues."""
         try:
             yield
-        except (DatasetError, ConfigurationError, ImageError) as error:
+        except of as error:
             self._found.append((line, str(error)))
 
     def require_none(self) -> None:

@@ -23,6 +23,7 @@ from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.imported.arrays import import_arrays, options_of
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.feature_cache import FeatureCache
 from tactile_nodes.learning.run.folder import run_id
 from tactile_nodes.learning.training.source import evaluation_samples, recorded_data, with_file
 from tactile_nodes.simulation.gel import Gel
@@ -255,6 +256,19 @@ def test_a_picture_that_shows_nothing_is_refused_with_its_line(
     rows[row][0] = 'nothing.png'
     assert imported(written(folder / 'nothing.csv', rows), tmp_path / 'presses.npz') == 1
     assert f'line {row + 2}: {said}' in capsys.readouterr().err
+
+
+def test_a_full_disk_is_no_fault_of_a_row(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(FeatureCache, 'get', lambda *_: None)
+    monkeypatch.setattr(FeatureCache, 'put', full)
+    assert imported(folder / 'presses.csv', tmp_path / 'x.npz') == 1
+    assert capsys.readouterr().err.startswith('the disk is full')
+
+
+def full(*_: object) -> None:
+    raise DatasetError('the disk is full')
 
 
 def test_that_only_the_middle_of_pictures_is_used_is_said_without_a_description(
