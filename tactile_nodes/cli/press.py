@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.drivers.camera.contract import SIMULATED, CameraSettings, SceneSettings
     from tactile_nodes.drivers.camera.opening import open_camera
     from tactile_nodes.learning.guided.folder import PressFolder
-    from tactile_nodes.learning.guided.guide import Guide, until_enough
+    from tactile_nodes.learning.guided.guide import Guide
     from tactile_nodes.learning.guided.simulated import TIP, SimulatedPerson
     from tactile_nodes.learning.guided.targets import Wish
     from tactile_nodes.learning.tables.columns import NEWTONS
@@ -92,7 +92,11 @@ def run(arguments: argparse.Namespace) -> int:
         scene = SceneSettings(world='by hand')
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
-        until_enough(Guide(camera, person, folder, wish, sensor), person.say)
+        guide = Guide(camera, person, folder, wish, sensor)
+        try:
+            guide.run()
+        finally:
+            person.say(guide.missing())
     if (count := sum(row.touches for row in folder.rows)) < LEAST_PRESSES:
         print(f'too few presses ({count}): a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
         return 0

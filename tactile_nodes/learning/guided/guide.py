@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -209,11 +208,3 @@ def _frame(camera: Camera) -> Frame:
     if frame is None:
         raise DeviceError('the recording has ended; the presses are kept')
     return frame
-
-
-def until_enough(guide: Guide, say: Callable[[str], None]) -> None:
-    """Run the guide, and report the presses so far however it ends."""
-    try:
-        guide.run()
-    finally:
-        say(guide.missing())

@@ -9,7 +9,7 @@ from tactile_nodes.shapes import Float
 
 HELD = 0.9
 """Share of the residual (root mean square) that the motion of the camera leaves at least, if the mounting holds. A
-simulated mounting that gives way by 0.001 mm per newton is recognized by it, and one that holds passes
+simulated mounting that gives way by 0.001 mm per newton is recognized by it, and one that holds passes under a tip
 (`PYTHONPATH=. python test/learning/imported/study.py force 0 0.001`)."""
 
 MOST = 90
