@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
@@ -115,6 +116,23 @@ def test_what_is_forgotten_is_gone(gels: GelList) -> None:
 def test_a_calibration_is_due_when_it_drifted_or_is_old(level: str, now_days: int, due: str) -> None:
     found = Calibration('a1', made_ns=10 * DAY, level=level, remedy='ageing: calibrate again')
     assert found.due(now_days * DAY, 90) == due
+
+
+def test_a_calibration_that_has_a_newer_one_is_not_due_by_its_age(
+    gels: GelList, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is if the drift monitor found so: a sensor may still use it. A model without a gel has no newer one."""
+    drifted = replace(SEVEN, model_id='c3', made_ns=5 * DAY, level='invalid', remedy='other markers')
+    renewed = replace(SEVEN, model_id='d4', made_ns=30 * DAY)
+    for each in (SEVEN, drifted, renewed, EIGHT, Calibration('e5', made_ns=2 * DAY), Calibration('f6', made_ns=DAY)):
+        gels.add(each)
+    monkeypatch.setenv('TACTILE_GELS', str(gels.file))
+    assert main(['gels', '--json']) == 0
+    due = {each['model_id']: each['due'] for each in json.loads(capsys.readouterr().out)}
+    old = 'older than 90 days'
+    assert due == {'d4': old, 'b2': old, 'a1': '', 'c3': 'other markers', 'e5': old, 'f6': old}
+    assert main(['gels']) == 0
+    assert capsys.readouterr().out.count(old) == 4
 
 
 def test_one_without_a_date_is_not_called_old() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -100,13 +101,15 @@ def _list(gels: GelList, after_days: float, *, as_json: bool) -> int:
     from tactile_nodes.clock import wall_ns
 
     now_ns, found = wall_ns(), gels.calibrations()
+    newest = {(each.gel or each.model_id, each.source): each for each in reversed(found)}.values()
+    due = [each.due(now_ns, after_days if each in newest else math.inf) for each in found]
     if as_json:
-        print(json.dumps([{**asdict(each), 'due': each.due(now_ns, after_days)} for each in found], indent=1))
+        print(json.dumps([{**asdict(each), 'due': why} for each, why in zip(found, due, strict=True)], indent=1))
         return 0
     if not found:
         print(f'no calibrations in {gels.file} yet; tactile calibrate adds its results, tactile gels add adds others')
         return 0
-    print(columns([HEAD, *(_row(each, each.due(now_ns, after_days)) for each in found)]))
+    print(columns([HEAD, *map(_row, found, due)]))
     return 0
 
 
