@@ -9,12 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from tactile_nodes.learning.calibrating.files import AnyCalibration
     from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.learning.progress import Progress
-    from tactile_nodes.learning.transfer.errors import Point
 
 DESCRIPTION = (
     'Transfer the model of one gel to another (other hardness, markers, thickness or camera) with a few presses on the '
@@ -96,21 +93,17 @@ def run(arguments: argparse.Namespace) -> int:
         print(f'force field {field}')
     if mounting := getattr(made, 'mounting', ''):
         print(mounting)
-    _say_curve(getattr(made, 'curve', ()))
+    if points := getattr(made, 'curve', ()):
+        print('held-out presses read by the force field alone, fitted to:')
+    for point in points:
+        force, place = point.errors.force_rmse_n, point.errors.place_median_mm
+        print(f'{point.presses:5d} presses: force RMSE {force:.4f} N, centre {place:.3f} mm (median); {point.form}')
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
     if made.objection:
         print(f'written because of --force: {made.objection}')
     print(listed(arguments.output, Path(arguments.sensor or '').stem))
     return 0
-
-
-def _say_curve(points: Sequence[Point]) -> None:
-    if points:
-        print('held-out presses read by the force field alone, fitted to:')
-    for point in points:
-        force, place = point.errors.force_rmse_n, point.errors.place_median_mm
-        print(f'{point.presses:5d} presses: force RMSE {force:.4f} N, centre {place:.3f} mm (median); {point.form}')
 
 
 def _require_used(arguments: argparse.Namespace) -> None:

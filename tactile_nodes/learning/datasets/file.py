@@ -6,7 +6,7 @@ their origin. The entry ``fingerprint`` covers every array and all of the card t
 
 from __future__ import annotations
 
-import contextlib
+import io
 import json
 import zipfile
 import zlib
@@ -26,7 +26,7 @@ from tactile_nodes.learning.datasets.recordings import (
     fingerprint_of,
 )
 from tactile_nodes.model_file import size_of_crop
-from tactile_nodes.paths import check_output, flush
+from tactile_nodes.paths import write_whole
 from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
@@ -62,19 +62,12 @@ def save_dataset(path: Path, presses: RecordedPresses) -> str:
     """
     card = json.dumps(dict(presses.card), sort_keys=True)
     arrays: dict[str, Any] = {'card': np.array(card), 'fingerprint': np.array(presses.fingerprint), **presses.arrays()}
-    check_output(path)
-    draft = path.with_name(f'.{path.name}.part')
+    content = io.BytesIO()
+    np.savez(content, **arrays)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with draft.open('wb') as opened:
-            np.savez(opened, **arrays)
-        flush(draft)
-        draft.replace(path)
+        write_whole(path, content.getvalue())
     except OSError as error:
         raise DatasetError(f'cannot write the data set {path} ({error.strerror}); choose another place') from error
-    finally:
-        with contextlib.suppress(OSError):
-            draft.unlink()
     return presses.fingerprint
 
 

@@ -60,14 +60,8 @@ def tables(evaluation: Evaluation) -> list[Table]:
 
 def comparison(evaluations: Sequence[Evaluation]) -> Table:
     """Main scores for comparing models, one row per model: all presses, light touches, rest, coverage."""
-    heads = (
-        '',
-        *list(MERITS.values())[1:],
-        f'{1000 * TOUCH_N:g} mN seen',
-        'false contacts',
-        '90 % force',
-        '90 % place',
-    )
+    merit_heads = list(MERITS.values())[1:]
+    heads = ('', *merit_heads, f'{1000 * TOUCH_N:g} mN seen', 'false contacts', '90 % force', '90 % place')
     rows = []
     for each in evaluations:
         merits = _cells(asdict(each.groups[ALL]), list(MERITS)[1:])
@@ -93,15 +87,8 @@ def groups_table(evaluations: Sequence[Evaluation]) -> Table:
 def rest_table(evaluations: Sequence[Evaluation]) -> Table:
     """Scores without contact."""
     heads = (
-        'at rest',
-        'frames',
-        'mean N',
-        'RMS N',
-        'largest N',
-        'largest bin N',
-        'false contacts',
-        '90 % interval holds',
-    )
+        'at rest', 'frames', 'mean N', 'RMS N', 'largest N', 'largest bin N', 'false contacts', '90 % interval holds',
+    )  # fmt: skip
     return Table('', heads, tuple((each.name, *_rest_cells(each.rest)) for each in evaluations))
 
 

@@ -76,7 +76,9 @@ def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[st
 
 def _parquet(table: Path) -> Cells:
     """Columns of numbers and texts. Other content of the file is not unpacked."""
-    arrow, parquet = _pyarrow()
+    with from_extra('export', 'a Parquet table, unlike CSV,'):
+        arrow: Any = importlib.import_module('pyarrow')
+        parquet: Any = importlib.import_module('pyarrow.parquet')
     with open_plain(table, TEXT_BYTES) as opened:
         try:
             file = parquet.ParquetFile(opened)
@@ -92,11 +94,6 @@ def _parquet(table: Path) -> Cells:
             raise DatasetError(f'{table} is not a readable Parquet file; write it again, or as CSV') from error
     rows = zip(*(map(_text, columns[name]) for name in plain), strict=True)
     return Cells(plain, [(line, list(row)) for line, row in enumerate(rows, start=2)])
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    with from_extra('export', 'a Parquet table, unlike CSV,'):
-        return importlib.import_module('pyarrow'), importlib.import_module('pyarrow.parquet')
 
 
 def _is_plain(arrow: Any, kind: Any) -> bool:

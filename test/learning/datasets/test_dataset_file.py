@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from press_bags import SECOND_NS, START_NS, Collection, Sensor
 
+from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import (
     Choice,
@@ -142,14 +143,28 @@ def test_ctrl_c_while_it_is_written_leaves_nothing_but_the_file_before(
 ) -> None:
     (tmp_path / 'presses.npz').write_bytes(file.read_bytes())
 
-    def interrupt(opened: BinaryIO, **_: object) -> None:
-        opened.write(b'half of it')
+    def interrupt(_: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, 'savez', interrupt)
+    monkeypatch.setattr(paths, 'flush', interrupt)
     with pytest.raises(KeyboardInterrupt):
         save_dataset(tmp_path / 'presses.npz', presses)
     assert [each.name for each in tmp_path.iterdir()] == ['presses.npz']
+    assert load_dataset(tmp_path / 'presses.npz').fingerprint == presses.fingerprint
+
+
+def test_two_commands_may_write_one_file_at_once(
+    presses: RecordedPresses, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = np.savez
+
+    def beside_another(opened: BinaryIO, **arrays: np.ndarray) -> None:
+        monkeypatch.setattr(np, 'savez', written)
+        written(opened, **arrays)
+        save_dataset(tmp_path / 'presses.npz', presses)
+
+    monkeypatch.setattr(np, 'savez', beside_another)
+    save_dataset(tmp_path / 'presses.npz', presses)
     assert load_dataset(tmp_path / 'presses.npz').fingerprint == presses.fingerprint
 
 
