@@ -243,7 +243,7 @@ def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
         arrays |= {TIPS + name: each for name, each in inner.items()}
         tips = {'tips': entries}
     numbers = {name: getattr(readout, name) for name in (*FIELD_NUMBERS, 'passes')}
-    spread = {'spread': {'response': readout.spread.response}}
+    spread = {'spread': {'response': readout.spread.response, 'place_mm': readout.spread.place[1]}}
     return arrays, {**_entries(readout.kind, readout.scaling, None), **numbers, **spread, **tips}
 
 
@@ -252,8 +252,9 @@ def _field(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: B
     own = {name.removeprefix(TIPS): each for name, each in arrays.items() if name.startswith(TIPS)}
     tips = _axisymmetric(own, entries['tips'], bins) if 'tips' in entries else None
     numbers: dict[str, Any] = {name: float(entries[name]) for name in FIELD_NUMBERS}
-    response, spread = arrays['field'].astype(np.float32), FieldSpread(response=float(entries['spread']['response']))
-    surface = arrays.get('surface', STILL)
+    response, surface = arrays['field'].astype(np.float32), arrays.get('surface', STILL)
+    known = {'place_mm': 0.0, **entries['spread']}  # older models have no place
+    spread = FieldSpread(response=float(known['response'])).placed(float(known['place_mm']))
     return FieldReadout(
         _scaling(arrays, entries), response, bins, spread=spread, tips=tips, surface=surface,
         passes=int(entries.get('passes', 1)), **numbers,

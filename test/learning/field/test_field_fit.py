@@ -15,10 +15,11 @@ from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
-from tactile_nodes.learning.field.judging import simplest_form
+from tactile_nodes.learning.field.judging import Held, simplest_form
 from tactile_nodes.learning.field.presses import AllPressures, BodyPresses
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -150,6 +151,20 @@ def test_a_camera_that_looks_as_described_is_left_alone(scaling: InputScaling, t
 
 def test_what_no_press_showed_is_stated_less_sure(of_many: FieldFit, as_described: FieldReadout):
     assert as_described.spread.normal_n(0.0, 1.0) > 1.5 * of_many.readout.spread.normal_n(0.0, 1.0)
+    assert as_described.spread.place_mm(0.0) > 1.5 * of_many.readout.spread.place_mm(0.0)
+
+
+def test_places_are_stated_as_sure_as_held_out_presses_show_and_a_file_keeps_that(of_many: FieldFit):
+    """Places that are off by 0.2 mm along each axis, and one press that was not detected."""
+    off = np.random.default_rng(1).normal(0, 0.2, (200, 3))
+    off[7] = np.nan
+    held = Held(np.ones(200), off, np.ones(200), np.ones(200), np.zeros(200, int))
+    assert held.place_mm == pytest.approx(0.2, rel=0.1)
+    assert dataclasses.replace(held, off=np.full((200, 3), np.nan)).place_mm == 0
+    unsure = dataclasses.replace(of_many.readout, spread=of_many.readout.spread.placed(held.place_mm))
+    kept = readout_from(*readout_arrays(unsure), unsure.bins)
+    assert isinstance(kept, FieldReadout)
+    assert kept.spread.place_mm(0.0) == pytest.approx(held.place_mm)
 
 
 @pytest.mark.parametrize('less', [0.0, 0.15])

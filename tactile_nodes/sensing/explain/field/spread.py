@@ -34,7 +34,7 @@ class FieldSpread:
     its distance from the centre. `wide` is the share of the normal force of contacts whose middle causes no motion.
     `place` is a factor and the least error of a place [mm]. `nominal` is the nominal error of a total: a floor [N] and
     a share. `floor_n` is the least error of a normal force: the regularization reduces light contacts, which the fit's
-    covariance does not show. All hold for a response fitted to presses; otherwise `response` is added.
+    covariance does not show. All hold for a response fitted to presses; otherwise `response` is added to forces.
     """
 
     normal: tuple[float, float] = (0.7, 0.018)
@@ -58,6 +58,10 @@ class FieldSpread:
     def out_of_sight(self, hidden: float) -> FieldSpread:
         """The spread of less visible forces; `hidden` is 1 for half the usual visibility."""
         return replace(self, response=math.hypot(self.response, OUT_OF_SIGHT * hidden)) if hidden > 0 else self
+
+    def placed(self, off_mm: float) -> FieldSpread:
+        """The spread of places that are off by at least so much (standard deviation along an axis)."""
+        return replace(self, place=(self.place[0], max(self.place[1], off_mm)))
 
     def reduced(self, by_n: float) -> FieldSpread:
         """The spread of forces that the regularization may have reduced by so much."""
