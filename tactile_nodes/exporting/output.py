@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from tactile_nodes.errors import DatasetError
 
@@ -19,22 +20,39 @@ def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
     """A folder to write into. It becomes `output` when the block succeeds, and is removed otherwise.
 
     Raises:
-        DatasetError: `output` exists and may not be replaced, or is no export, or cannot be written.
+        DatasetError: `output` exists and may not be replaced, or is no export, or cannot be written, or another process
+            is writing it.
     """
-    draft, before = (output.absolute().with_name(f'.{output.absolute().name}.{end}') for end in ('part', 'old'))
+    place = output.absolute()
+    draft, before, lock = (place.with_name(f'.{place.name}.{end}') for end in ('part', 'old', 'lock'))
     try:
-        _tidy(output, draft, before)  # what a killed export left
-        _require_free(output, replace)
-        draft.mkdir(parents=True)
-        yield draft
-        if output.exists():
-            output.rename(before)
-        draft.rename(output)
-        shutil.rmtree(before, ignore_errors=True)  # takes long for a large export: Ctrl-C here is followed by `_tidy`
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        with lock.open('w') as opened:
+            _require_alone(opened, output)
+            try:
+                _tidy(output, draft, before)  # what a killed export left
+                _require_free(output, replace)
+                draft.mkdir()
+                yield draft
+                if output.exists():
+                    output.rename(before)
+                draft.rename(output)
+                shutil.rmtree(before, ignore_errors=True)  # takes long: Ctrl-C here is followed by `_tidy`
+            finally:
+                _tidy(output, draft, before)
+                lock.unlink(missing_ok=True)
     except OSError as error:
         raise DatasetError(f'cannot write {output}: {error.strerror or error}; nothing was kept') from error
-    finally:
-        _tidy(output, draft, before)
+
+
+def _require_alone(opened: IO[str], output: Path) -> None:
+    """Lock a file. The kernel releases the lock when the process ends, in any way."""
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise DatasetError(
+            f'another command is writing {output} right now; wait for it, or choose another name'
+        ) from error
 
 
 def _tidy(output: Path, draft: Path, before: Path) -> None:

@@ -15,9 +15,9 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli.main import INTERRUPTED, main
 from tactile_nodes.conversions import header, image_pixels
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.exporting import libraries
-from tactile_nodes.exporting.output import FACTS
+from tactile_nodes.exporting.output import FACTS, made_whole
 from tactile_nodes.exporting.parquet import ParquetSink
 from tactile_nodes.exporting.source import Source
 from tactile_nodes.learning.progress import Bar
@@ -96,6 +96,17 @@ def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch
     before = set(bag.parent.iterdir())
     assert main(['export', 'parquet', str(bag), '-o', str(bag.parent / 'out')]) == INTERRUPTED
     assert set(bag.parent.iterdir()) == before
+
+
+def test_of_two_exports_to_one_place_at_once_the_second_is_refused_and_the_first_is_whole(tmp_path: Path) -> None:
+    """The second one began by deleting what the first one had written, which then lacked files and said nothing."""
+    output = tmp_path / 'out'
+    with made_whole(output) as draft:
+        (draft / 'forces').touch()
+        with pytest.raises(DatasetError, match='another command is writing'), made_whole(output):
+            pass
+    assert [each.name for each in output.iterdir()] == ['forces']
+    assert list(tmp_path.iterdir()) == [output]
 
 
 def test_ctrl_c_while_the_export_before_is_deleted_leaves_the_new_one_whole(

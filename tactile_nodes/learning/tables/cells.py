@@ -100,7 +100,8 @@ def _is_plain(arrow: Any, kind: Any) -> bool:
     is_a = arrow.types
     if is_a.is_dictionary(kind):
         kind = kind.value_type
-    return bool(is_a.is_integer(kind) or is_a.is_floating(kind) or is_a.is_string(kind) or is_a.is_large_string(kind))
+    numbers = is_a.is_integer(kind) or is_a.is_floating(kind) or is_a.is_decimal(kind)
+    return bool(numbers or is_a.is_string(kind) or is_a.is_large_string(kind) or is_a.is_string_view(kind))
 
 
 def _text(value: Any) -> str:
