@@ -6,14 +6,14 @@ Layout and names after huggingface/lerobot, `lerobot.datasets.utils` of release 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
+from tactile_nodes.exporting.columns import IMAGE_TYPE
 from tactile_nodes.exporting.episodes import BAG, Limit, count_outside, find_end, find_episodes, find_start
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
 from tactile_nodes.exporting.lerobot_files import Meta
@@ -89,11 +89,9 @@ def export_lerobot(
 def _export_bag(
     source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], progress: Progress
 ) -> tuple[Limit, Limit, dict[str, int]]:
-    if not plan.topics:
-        _leave_out_events(source)
-    _leave_out_maps(source)
-    plan = _with_full_names(source, plan)
-    features = features_of(list(source.layouts.values()), plan.state, plan.action)
+    _leave_out(source, plan)
+    state, action = _full_name(source, '--state', plan.state), _full_name(source, '--action', plan.action)
+    features = features_of(list(source.layouts.values()), state, action)
     start = find_start(source, {feature.topic for feature in features})
     end = find_end(source)
     episodes = find_episodes(source, plan.cut, plan.exclude, start, end)
@@ -129,19 +127,19 @@ def _units(feature: Feature) -> str | list[str]:
     return feature.units[0] if len(set(feature.units)) == 1 else list(feature.units)
 
 
-def _leave_out_events(source: Source) -> None:
-    for topic in list(source.layouts):
-        if topic.rpartition('/')[2] in EVENTS:
-            del source.layouts[topic]
-            source.left_out[topic] = 'not an observation; add it with --topics'
-
-
-def _leave_out_maps(source: Source) -> None:
-    """Leave out pictures that a data set cannot hold, such as a `force_map` in newtons."""
+def _leave_out(source: Source, plan: Plan) -> None:
+    """Leave out events that are not wanted, and pictures that a data set cannot hold, as a `force_map` in newtons."""
     for topic, layout in list(source.layouts.items()):
-        if layout.type_name == IMAGE_TYPE and (kind := _kind(layout)) != 'uint8':
-            del source.layouts[topic]
+        kind = (
+            next(each.dtype for each in layout.columns if each.name == 'pixels')
+            if layout.type_name == IMAGE_TYPE
+            else 'uint8'
+        )
+        if not plan.topics and topic.rpartition('/')[2] in EVENTS:
+            source.left_out[topic] = 'not an observation; add it with --topics'
+        elif kind != 'uint8':
             source.left_out[topic] = f'pictures of {kind} do not fit into the 8 bits of a data set; zarr holds them'
+    source.layouts = {topic: layout for topic, layout in source.layouts.items() if topic not in source.left_out}
 
 
 def _texts(source: Source, features: list[Feature]) -> dict[str, list[str]]:
@@ -149,17 +147,6 @@ def _texts(source: Source, features: list[Feature]) -> dict[str, list[str]]:
     topics = sorted({feature.topic for feature in features})
     fields = [(topic, name, texts) for topic in topics for name, (_, texts) in source.layouts[topic].constant.items()]
     return {f'{name} of {topic}': texts for topic, name, texts in fields}
-
-
-def _kind(layout: Layout) -> str:
-    return next(column.dtype for column in layout.columns if column.name == 'pixels')
-
-
-def _with_full_names(source: Source, plan: Plan) -> Plan:
-    """The plan with the topics of state and action as the bag names them."""
-    return replace(
-        plan, state=_full_name(source, '--state', plan.state), action=_full_name(source, '--action', plan.action)
-    )
 
 
 def _full_name(source: Source, flag: str, topic: str) -> str:
