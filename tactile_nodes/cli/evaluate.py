@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.evaluation.tables import report
     from tactile_nodes.learning.tasks import on_cluster
+    from tactile_nodes.paths import write_whole
 
     _check(arguments)
     with on_cluster(arguments.on):
@@ -57,8 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         scores = [each.as_dict() for each in evaluated]
         written = json.dumps(scores[0] if len(scores) == 1 else scores, indent=2)
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(written + '\n', encoding='utf-8')
+        write_whole(arguments.json, f'{written}\n'.encode())
     for each in evaluated if arguments.table else ():
         _tell(each, _named(arguments.table, each, evaluated))
     if arguments.picture:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +50,10 @@ def _csv(table: Path) -> Cells:
             f'{table} is not a table of images; its first line must name columns, as in {EXAMPLE}, in UTF-8 (Excel '
             'saves that as CSV UTF-8)'
         ) from error
-    delimiter = separator_of(next(iter(text.splitlines()), ''))
+    text = re.sub(
+        r'\A"?sep=.?"?', '', text, flags=re.IGNORECASE
+    )  # a line for spreadsheets that some programs begin with
+    delimiter = separator_of(next(filter(str.strip, text.splitlines()), ''))
     try:
         rows = list(_rows(text, table, delimiter))
     except csv.Error as error:

@@ -109,6 +109,12 @@ def test_numbers_with_commas_and_with_points_in_one_table_are_refused(tmp_path: 
     assert read_table(written(tmp_path, '\n'.join(lines[:2]))).rows[0].x_mm == 1.5
 
 
+@pytest.mark.parametrize('first', ['sep=;', '"sep=;"', 'SEP=;', '', ';;;'])
+def test_a_first_line_without_names_is_skipped(first: str, tmp_path: Path) -> None:
+    (row,) = read_table(written(tmp_path, f'{first}\npicture;x_mm;y_mm;grams\na.png;-8,5;3;50\n')).rows
+    assert (row.line, row.x_mm) == (3, -8.5)
+
+
 def test_commas_within_names_between_semicolons_are_no_separators(tmp_path: Path) -> None:
     (row,) = read_table(written(tmp_path, 'picture;x, mm;y, mm;force, N\na.png;-8,5;3;0,5\n')).rows
     assert (row.x_mm, row.y_mm, row.force_n) == (-8.5, 3.0, 0.5)
