@@ -50,9 +50,7 @@ def _csv(table: Path) -> Cells:
             f'{table} is not a table of images; its first line must name columns, as in {EXAMPLE}, in UTF-8 (Excel '
             'saves that as CSV UTF-8)'
         ) from error
-    text = re.sub(
-        r'\A"?sep=.?"?', '', text, flags=re.IGNORECASE
-    )  # a line for spreadsheets that some programs begin with
+    text = re.sub(r'\A"?sep=.?"?', '', text, flags=re.IGNORECASE)  # some programs begin with a line for spreadsheets
     delimiter = separator_of(next(filter(str.strip, text.splitlines()), ''))
     try:
         rows = list(_rows(text, table, delimiter))
