@@ -21,6 +21,7 @@ from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.hand.hand_wrench import HandWrenchNode
 from tactile_nodes.nodes.live_view import LiveViewNode
+from tactile_nodes.pipeline.hand_forces import HandForces
 
 pytestmark = IN_CHROMIUM
 HAND = """\
@@ -109,6 +110,12 @@ def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any
     page.locator('#all').click()
     expect(tiles).to_have_count(3)
     assert page.request.get(f'{page.url}?sensor=fourth').status == 404
+
+
+def test_forces_without_a_sum_are_not_called_complete(page: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    expect(page.locator('#missing')).to_have_text('missing: thumb')
+    monkeypatch.setattr(HandForces, 'add', lambda *_: [])
+    expect(page.locator('#missing')).to_have_text('no sum: nothing comes on hand_wrench')
 
 
 def test_a_force_that_is_no_number_leaves_the_rest_of_the_page_as_it_is(page: Any, loads_n: dict[str, Any]) -> None:

@@ -306,7 +306,9 @@ def test_after_packets_that_could_not_be_drawn_the_page_goes_on(own_page: Any, o
 
 def test_an_invalid_force_is_no_number_and_the_reason_is_a_sentence(page: Any, sensor: Sensor) -> None:
     sensor.status, sensor.reasons = types.ForceDistribution.STATUS_INVALID, types.ForceDistribution.REASON_DARK_IMAGE
+    sensor.total_n = 0.0
     text(page, '#status').to_have_text('INVALID')
+    text(page, '#contacts tr:first-child').to_have_text('–')
     text(page, '#reason').to_have_text('The image is dark. Is the lamp on and the lens uncovered?')
     text(page, '#total').to_have_text('–')
 

@@ -206,7 +206,7 @@ def net_text(force: Any) -> str:
 
 def where(force: Any) -> str:
     if not force.in_contact or math.isnan(force.contact.x):
-        return 'none'.ljust(18)
+        return ('unknown' if force.status == force.STATUS_INVALID else 'none').ljust(18)
     return f'({force.contact.x * 1000:+6.2f}, {force.contact.y * 1000:+6.2f}) mm'
 
 

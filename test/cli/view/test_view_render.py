@@ -76,6 +76,12 @@ def test_status_and_reasons_are_shown_in_words() -> None:
     assert 'INVALID: dark image' in drawn(state)[0]
 
 
+def test_without_a_force_a_contact_is_unknown() -> None:
+    state, kind = ViewState(), types.ForceDistribution
+    state.add_force(received(force(10, (math.nan,) * 4, status=kind.STATUS_INVALID), 20))
+    assert 'contact unknown' in view_render.line(state.snapshot(30 * MS))
+
+
 def test_forces_that_stop_are_reported() -> None:
     assert 'no force for 2.5 s, the last was OK' in drawn(pressed(), now_ms=2520)[0]
 

@@ -93,8 +93,9 @@ function showHand(tiles) {
   $('moment').textContent = hand?.moment_n_mm.map((each, axis) => `${'xyz'[axis]} ${signed(each, 1)}`).join('   ') ?? '–';
   $('slips').textContent = hand?.slips_first ? firstToSlip(hand.slips_first) : '–';
   const missing = tiles.filter((tile) => !tile.isLive || hand?.missing.includes(tile.name)).map(({ name }) => name);
-  $('missing').textContent = missing.length ? `missing: ${missing.join(', ')}` : `all ${tiles.length} sensors`;
-  $('missing').classList.toggle('some', missing.length > 0);
+  const summed = missing.length ? `missing: ${missing.join(', ')}` : `all ${tiles.length} sensors`;
+  $('missing').textContent = live.length && !hand ? 'no sum: nothing comes on hand_wrench' : summed;
+  $('missing').classList.toggle('some', missing.length > 0 || !hand);
 }
 
 function firstToSlip({ sensor, margin, sigma }) {

@@ -77,9 +77,10 @@ const withSigma = (value, sigma, unit) => (value === NONE ? NONE : `${value}${si
 
 /** The strongest contacts, strongest first. */
 export function showContacts(force, isLive) {
-  const found = isLive && force ? force.contacts : [];
+  const known = isLive && force.status !== 'invalid';
+  const found = known ? force.contacts : [];
   $('contacts').parentElement.classList.toggle('sheared', found.some((each) => each.shear_n[0] !== null));
-  const nothing = isLive ? 'nothing touches' : NONE;
+  const nothing = known ? 'nothing touches' : NONE;
   const rows = Array.from({ length: CONTACTS }, (_, index) => contactRow(index, found[index], found.length || index ? ' ' : nothing));
   $('contacts').replaceChildren(...rows);
 }
