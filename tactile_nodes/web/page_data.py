@@ -29,7 +29,6 @@ def force(message: Any) -> dict[str, Any] | None:
         'total_n': message.total,
         'sigma_n': message.total_sigma or None,
         'peak_n': message.peak,
-        'unlikeness': message.unlikeness,
         'in_contact': bool(message.in_contact),
         'contacts': [_contact(each) for each in message.contacts],
         'net': _net(message),
@@ -49,11 +48,8 @@ def surface(found: Surface | None) -> dict[str, Any] | None:
 
 
 def truth(message: Any) -> dict[str, Any] | None:
-    """The true contact, if a simulator publishes it."""
-    if message is None:
-        return None
-    place = [message.contact.x * _MM, message.contact.y * _MM] if message.in_contact else None
-    return {'total_n': message.total, 'place_mm': place}
+    """The true force, if a simulator publishes it."""
+    return None if message is None else {'total_n': message.total}
 
 
 def motion(message: Any) -> dict[str, Any] | None:
@@ -81,14 +77,12 @@ def slowly(shot: Snapshot) -> dict[str, Any]:
         'namespace': shot.namespace,
         'rates': {
             'arriving_hz': shot.arrivals_hz,
-            'stamps_hz': shot.stamps_hz,
             'frames': shot.frames,
             'lost': shot.lost,
             'skipped': shot.skipped,
             'malformed': shot.malformed,
         },
         'latency_ms': [[stage, 1e3 * found.p50, 1e3 * found.p99] for stage, found in shot.latencies.items()],
-        'rmse_n': shot.scores.rmse_n,
         'health': [_health(each) for each in shot.health],
         'logs': list(shot.logs),
         'provenance': _provenance(shot.force),

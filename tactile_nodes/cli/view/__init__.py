@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from tactile_nodes.bus.protocol import Bus
+    from tactile_nodes.bus.topics import Topic
+    from tactile_nodes.viewing.feeds import Take
     from tactile_nodes.viewing.state import Snapshot, ViewState
 
 DESCRIPTION = 'Show force, latency and node status. Ctrl-C ends it with a summary.'
@@ -159,6 +161,7 @@ class Watch:
         self._bus = bus
         self._state = state
         self._next_look_ns = 0
+        self._added: set[str] = set()
         self._force_topic = self._full(topics.FORCE_DISTRIBUTION.name)
         self._feeds = Feeds(bus, own_name(), self._full)
         self._feeds.add(topics.FORCE_DISTRIBUTION, state.add_force)
@@ -190,23 +193,21 @@ class Watch:
         ending = f'/{self._force_topic.rpartition("/")[2]}'
         there = sorted(name.removesuffix(ending) for name in published if name.endswith(ending))
         inside = [name for name in there if name.startswith(self._full(''))]
-        if len(inside) > 1 or self._full(topics.HAND_WRENCH.name) in published:
+        summed = f'/{topics.HAND_WRENCH.name}'
+        sums = [name for name in published if name.startswith(self._full('')) and name.endswith(summed)]
+        if len(inside) > 1 or sums:
             for namespace in inside:
-                self._add_sensor(namespace, now_ns)
+                take = self._state.add_sensor(namespace, now_ns).add_force
+                self._add(topics.FORCE_DISTRIBUTION, f'{namespace}{ending}', take)
+            for name in sums if len(sums) == 1 else ():
+                self._add(topics.HAND_WRENCH, name, self._state.add_wrench)
         elif there:
             self._state.advice = f'sensors are at {", ".join(there)}: tactile view --namespace {(inside or there)[0]}'
 
-    def _add_sensor(self, namespace: str, now_ns: int) -> None:
-        from tactile_nodes.bus import topics
-
-        if namespace in self._state.sensors:
-            return
-        if not self._state.sensors:
-            self._feeds.add(topics.HAND_WRENCH, self._state.add_wrench)
-        name = f'{namespace}/{topics.FORCE_DISTRIBUTION.name}'
-        self._feeds.add(
-            replace(topics.FORCE_DISTRIBUTION, name=name), self._state.add_sensor(namespace, now_ns).add_force
-        )
+    def _add(self, topic: Topic, name: str, take: Take) -> None:
+        if name not in self._added:
+            self._added.add(name)
+            self._feeds.add(replace(topic, name=name), take)
 
     def _full(self, name: str) -> str:
         return name if name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{name}'

@@ -85,6 +85,21 @@ def test_the_only_sensor_of_a_hand_that_has_started_is_seen(
     assert 'left 0.000 N OK  sum no data' in ended.out
 
 
+def test_the_sum_of_a_hand_in_a_namespace_is_seen_from_above_it(other: ZmqBus) -> None:
+    state = view.new_state(other)
+    made = other.advertise('/robot/hand_wrench', topics.HAND_WRENCH.type_name, topics.HAND_WRENCH.qos)
+    watch = view.Watch(other, state)
+    watch.drain(other.clock.now_ns())
+
+    def seen() -> bool:
+        made.publish(types.HandWrench(sensors=['left']))
+        watch.drain(other.clock.now_ns())
+        return state.snapshot(other.clock.now_ns()).wrench is not None
+
+    wait_until(seen)
+    watch.close()
+
+
 def test_a_view_of_a_sensor_that_is_missing_does_not_show_others_in_its_place(
     other: ZmqBus, tactile: Tactile, repeating: Repeating
 ) -> None:
