@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import select
 import sys
 import termios
@@ -150,9 +151,9 @@ def _follow_keys(terminal: int, node: PlayerNode, done: threading.Event) -> None
     }
     while not done.is_set():
         if select.select([terminal], [], [], _LOOK_EVERY_S)[0]:
-            action = actions.get(os.read(terminal, 8))
-            if action is not None:
-                node.post(partial(_do, node, action))
+            for key in re.findall(rb'\x1b\[.|.', os.read(terminal, 64)):  # an ssh connection passes on several at once
+                if key in actions:
+                    node.post(partial(_do, node, actions[key]))
 
 
 def _do(node: Node, action: Callable[[], object]) -> None:

@@ -7,9 +7,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -18,6 +21,7 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli import bag as command
+from tactile_nodes.cli.bag import sessions
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.running.session import ended_by_signals, joined
 from tactile_nodes.messages import types
@@ -128,6 +132,28 @@ def test_clock_without_a_number_is_40_hz_as_in_ros2_bag_play() -> None:
 
 def started(*words: str) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, '-c', PROGRAM, *words], stderr=subprocess.PIPE, text=True)
+
+
+def test_keys_that_arrive_together_are_all_followed() -> None:
+    pressed: list[str] = []
+    done = threading.Event()
+
+    def toggle_paused() -> None:
+        pressed.append('space')
+        done.set()
+
+    player: Any = SimpleNamespace(
+        playback=None, post=lambda act: act(), toggle_paused=toggle_paused, play_next=lambda: pressed.append('right')
+    )
+    reading, writing = os.pipe()
+    os.write(writing, b'\x1b[C\x1b[Cx\x1b[C ')
+    os.close(writing)
+    gives_up = threading.Timer(5.0, done.set)
+    gives_up.start()
+    sessions._follow_keys(reading, player, done)
+    gives_up.cancel()
+    os.close(reading)
+    assert pressed == ['right', 'right', 'right', 'space']
 
 
 def test_a_terminal_or_connection_that_closes_ends_a_recording_which_says_what_was_written(tmp_path: Path) -> None:
