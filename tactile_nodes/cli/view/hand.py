@@ -85,6 +85,6 @@ def _sum_text(wrench: Any) -> str:
         return f'not known{missing}'
     force, torque = wrench.wrench.force, wrench.wrench.torque
     return (
-        f'force {force.x:+.3f} {force.y:+.3f} {force.z:+.3f} N  '
-        f'torque {torque.x:+.4f} {torque.y:+.4f} {torque.z:+.4f} N m  in {wrench.header.frame_id}{missing}'
+        f'force {force.x:+.3f} {force.y:+.3f} {force.z:+.3f} N{missing}  '
+        f'torque {torque.x:+.4f} {torque.y:+.4f} {torque.z:+.4f} N m  in {wrench.header.frame_id}'
     )

@@ -37,8 +37,13 @@ def test_each_sensor_has_a_row_and_the_sum_its_line() -> None:
     assert rows['right'][-1].startswith('INVALID')
     assert rows['thumb'][-1] == 'waiting'
     assert ' '.join(rows['sum']) == (
-        'sum force +0.100 +0.200 -0.300 N torque +0.0000 +0.0125 +0.0000 N m in gripper without right, thumb'
+        'sum force +0.100 +0.200 -0.300 N without right, thumb torque +0.0000 +0.0125 +0.0000 N m in gripper'
     )
+
+
+def test_a_terminal_of_80_columns_shows_which_sensors_the_sum_lacks() -> None:
+    (line,) = (line for line in hand.picture(seen(missing=('right', 'thumb'))).plain.splitlines() if line[:3] == 'sum')
+    assert 'without right, thumb' in line[:79]
 
 
 def test_a_sensor_that_falls_silent_is_reported() -> None:
