@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -13,4 +14,5 @@ if Path(sys.argv[0]).name.endswith('_node'):
     # runs, `bus.runtime` handles signals.
     for _number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(_number, lambda *_: os._exit(0))
+        atexit.register(signal.signal, _number, signal.SIG_IGN)  # it ends by itself then, with its own exit status
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # earlier signals are pending: `launching.processes`

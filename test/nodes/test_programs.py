@@ -35,6 +35,16 @@ def test_a_program_ends_although_it_is_asked_where_no_exception_gets_out() -> No
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
 
 
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_program_that_is_asked_to_end_while_it_ends_keeps_its_exit_status(name: str) -> None:
+    code = (
+        'import atexit, os, signal, sys; sys.argv = ["/bin/camera_node"]; '
+        f'atexit.register(os.kill, os.getpid(), signal.{name}); import tactile_nodes.nodes; sys.exit(3)'
+    )
+    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (3, '')
+
+
 def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
     code = (
         'import signal; before = signal.getsignal(signal.SIGINT); import tactile_nodes.nodes; '
