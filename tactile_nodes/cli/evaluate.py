@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -106,8 +107,6 @@ def _given(value: int | None, usual: int) -> int:
 
 def _distinct(evaluated: list[Evaluation]) -> list[Evaluation]:
     """The same, with the id in the names of models whose files have the same name."""
-    from dataclasses import replace
-
     often = Counter(each.name for each in evaluated)
     return [replace(each, name=f'{each.name}_{each.model_id}') if often[each.name] > 1 else each for each in evaluated]
 

@@ -129,16 +129,14 @@ def _units(feature: Feature) -> str | list[str]:
 
 def _leave_out(source: Source, plan: Plan) -> None:
     """Leave out events that are not wanted, and pictures that a data set cannot hold, as a `force_map` in newtons."""
-    for topic, layout in list(source.layouts.items()):
-        kind = (
-            next(each.dtype for each in layout.columns if each.name == 'pixels')
-            if layout.type_name == IMAGE_TYPE
-            else 'uint8'
-        )
+    for topic, layout in source.layouts.items():
         if not plan.topics and topic.rpartition('/')[2] in EVENTS:
             source.left_out[topic] = 'not an observation; add it with --topics'
-        elif kind != 'uint8':
-            source.left_out[topic] = f'pictures of {kind} do not fit into the 8 bits of a data set; zarr holds them'
+        elif layout.type_name == IMAGE_TYPE:
+            kind = next(each.dtype for each in layout.columns if each.name == 'pixels')
+            if kind != 'uint8':
+                reason = f'pictures of {kind} do not fit into the 8 bits of a data set; zarr holds them'
+                source.left_out[topic] = reason
     source.layouts = {topic: layout for topic, layout in source.layouts.items() if topic not in source.left_out}
 
 

@@ -56,8 +56,7 @@ UNEXPLAINED, BY_SIDES = 1.1, 0.9
 ignores; and the share of it that sides must leave."""
 
 UNPLACED_MM = 0.15
-"""Least error of a place (standard deviation along an axis) that no press has measured: on `speckle_membrane`, the 90 %
-intervals of 12 presses by a ball of 5 mm and 12 by the tip then contain nine of ten places."""
+"""Least error of a place (standard deviation along an axis) that no press has measured."""
 
 NEARLY = 0.9
 """This share of all presses counts as all."""

@@ -170,7 +170,8 @@ class FieldReadout:
         """The simplest explanation of a frame: nothing, tips that only press, or the field; NaN if it is not unique.
 
         Tips are chosen if their residual is no larger than in their training, or if the field does not explain more
-        after a penalty of one for each of its forces (Akaike 1974). `flow_noise_px` is as in `weighed`.
+        after a penalty of one for each of its patches (Akaike 1974). The field is taken if the log-likelihood gains at
+        least `least_gain`, and one for each of its forces. `flow_noise_px` is as in `weighed`.
         """
         if (observed := self.observed(values, confidence, flow_noise_px)) is None:
             return nothing_read(self.bins)

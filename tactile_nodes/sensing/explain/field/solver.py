@@ -30,9 +30,9 @@ HELD, SPREAD = 7.0, 0.003
 """Weight of the reweighted l1 term, and the share of the total force that is assumed around every patch."""
 
 LIGHTLY_HELD, HELD_PER_N = 5000.0, 35.0
-"""Weight of the term in light contacts once the patches are chosen, over the squared relative error of the response
-(which more forces would explain), and its growth with the highest force on a patch; both up to the full weight. With
-the full weight after 100 presses, totals of contacts are 51 and 36 mN off (rms) instead of 37 and 26 mN
+"""Once the patches are chosen, the weight of the term is LIGHTLY_HELD times the squared relative error of the response
+(which more force would explain), or HELD_PER_N times the highest force on a patch if that is more, and at most HELD.
+With HELD in all contacts, totals after 100 presses are 51 and 36 mN off (rms) instead of 37 and 26 mN
 (`tactile bench contacts --seed 909 --no-disturbances`, and with `--seed 717`)."""
 
 CENTRED = 0.6
@@ -197,7 +197,7 @@ class FieldSolver:
             return self._nothing(motion, weights)
         caused = self._caused(self._by_force, active)
         information, evidence = self._evidence(caused, GRANTED * self._regularization, motion, weights)
-        evidence[: active.size] -= self._held(pressed, self._weight_of(pressed))[active]
+        evidence[: active.size] -= self._held(pressed, nearby, self._weight_of(nearby))[active]
         forces = np.zeros((3, self.patches.count))
         found = least_squares(information, evidence, FRICTION, STEPS)
         forces[:, active] = found.reshape(3, -1)
@@ -226,7 +226,8 @@ class FieldSolver:
         """Normal forces of the best solution on some bins, shared among patches; `around` is the linear estimate."""
         caused = self._caused(self._by_bin, bins)
         information, evidence = self._evidence(caused, GRANTED * self._regularization / PER_BIN**2, motion, weights)
-        held = self._held(self._shared(around), HELD * self._regularization) @ self.patches.member[:, bins]
+        shared = self._shared(around)
+        held = self._held(shared, self._nearby(shared), HELD * self._regularization) @ self.patches.member[:, bins]
         evidence[: bins.size] -= ON_BINS / PER_BIN**2 * held
         pressed = np.zeros(self.patches.bins.count)
         forces = least_squares(information, evidence, FRICTION, FIRST_STEPS)
@@ -320,19 +321,20 @@ class FieldSolver:
         mean: np.ndarray = cv2.blur(grid, (3, 3), borderType=cv2.BORDER_CONSTANT)
         return mean.ravel()
 
-    def _weight_of(self, pressed: Float[np.ndarray, ' patches']) -> float:
+    def _weight_of(self, nearby: Float[np.ndarray, ' patches']) -> float:
         """The weight of the l1 term on chosen patches."""
-        highest_n = float(self._nearby(pressed).max())
-        return min(HELD * self._regularization, max(self._lightly_held, HELD_PER_N * highest_n))
+        return min(HELD * self._regularization, max(self._lightly_held, HELD_PER_N * float(nearby.max())))
 
     @property
     def _lightly_held(self) -> float:
         return LIGHTLY_HELD * self.doubt**2
 
-    def _held(self, pressed: Float[np.ndarray, ' patches'], weight: float) -> Float[np.ndarray, ' patches']:
+    def _held(
+        self, pressed: Float[np.ndarray, ' patches'], nearby: Float[np.ndarray, ' patches'], weight: float
+    ) -> Float[np.ndarray, ' patches']:
         """The penalty of 1 N on each patch."""
         filled, total = min(1.0, (WIDE / spread_over(pressed)) ** 2), max(float(pressed.sum()), LEAST_N)
-        held = weight * filled / (self._nearby(pressed) + SPREAD * total)
+        held = weight * filled / (nearby + SPREAD * total)
         return np.asarray(held - CENTRED * (1 - self._regularization) * float(pressed @ held) / total)
 
     @cached_property
