@@ -108,21 +108,34 @@ def test_a_contact_that_is_wide_beside_the_layer_is_filled(solver: FieldSolver, 
 
 
 def test_an_error_of_a_force_is_one_of_its_torque_too(solver: FieldSolver) -> None:
-    """2 N on one patch are 0.2 N off, as a share of 0.1 that hides all else: about that patch there is no torque."""
+    """2 N on one patch are 0.2 N off, and appear as 0.07 N of shear: about that patch there is no torque."""
     forces, patch = np.zeros((3, solver.patches.count)), 2 * solver.patches.shape[1] + 14
     forces[0, patch] = 2.0
     x, y = solver.patches.centres_mm[patch]
     found = Field(forces, np.array([patch]), np.zeros((3, 3)), 1.0, 0.0)
     exact = FieldSpread(normal=(0.0, 0.0), shear=(0.0, 0.0), wide=0.0, response=0.1, floor_n=0.0)
     covariance = exact.covariance(found, solver.patches, np.zeros((6, 6)))
-    squared = 0.2**2
-    assert np.diag(covariance) == pytest.approx(squared * np.array([1, 1, 1, y * y, x * x, x * x + y * y]))
+    squared, sheared = 0.2**2, (0.35 * 0.2) ** 2
+    expected = [sheared, sheared, squared, squared * y * y, squared * x * x, sheared * (x * x + y * y)]
+    assert np.diag(covariance) == pytest.approx(expected)
     assert covariance[2, 3:] == pytest.approx([squared * y, -squared * x, 0.0])
-    assert (covariance[0, 5], covariance[1, 5]) == pytest.approx((-squared * y, squared * x))
+    assert (covariance[0, 5], covariance[1, 5]) == pytest.approx((-sheared * y, sheared * x))
     there = np.eye(4)
     there[:2, 3] = -x, -y
     _, moved_there = moved_wrench(wrench_mover(there), np.zeros(6), covariance)
-    assert moved_there == pytest.approx(np.diag([squared, squared, squared, 0, 0, 0]), abs=1e-9)
+    assert moved_there == pytest.approx(np.diag([sheared, sheared, squared, 0, 0, 0]), abs=1e-9)
+
+
+def test_an_error_of_the_response_is_one_of_its_shear(solver: FieldSolver) -> None:
+    """2 N into the gel and 1 N along x, 10 % too high: 0.1 N along x, and 0.07 N that the pressure adds either way."""
+    forces = np.zeros((3, solver.patches.count))
+    forces[:2, 40] = 2.0, 1.0
+    found = Field(forces, np.array([40]), np.zeros((3, 3)), 1.0, 0.0)
+    high = FieldSpread(shear=(0.0, 0.0), response=0.1)
+    along_x, along_y = np.hypot(0.1, 0.07), 0.07
+    assert [high.shear_n(0.0, each, 2.0) for each in (1.0, 0.0)] == pytest.approx([along_x, along_y])
+    covariance = high.covariance(found, solver.patches, np.zeros((6, 6)))
+    assert np.diag(covariance)[:2] == pytest.approx([along_x**2, along_y**2])
 
 
 def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> None:

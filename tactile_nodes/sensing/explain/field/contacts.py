@@ -38,7 +38,7 @@ def contacts_of(numbers: Float[np.ndarray, 'contacts 16'], spread: FieldSpread) 
 def _contact_of(numbers: list[float], spread: FieldSpread) -> Contact:
     x, y, total, shear_x, shear_y, torsion, lever, *extent_and_slip, normal, along, turning, across = numbers
     region = Region(
-        (shear_x, shear_y), spread.shear_n(along, total), torsion,
+        (shear_x, shear_y), spread.shear_n(along, math.hypot(shear_x, shear_y), total), torsion,
         spread.torsion_n_mm(turning, torsion, total, lever), *extent_and_slip,
     )  # fmt: skip
     return Contact(x, y, total, spread.place_mm(across), spread.normal_n(normal, total), region)

@@ -73,7 +73,7 @@ def covariance_of_tips(contacts: tuple[Contact, ...], spread: FieldSpread) -> Fl
     reported as zero, with the best uncertainty of a field of that force."""
     covariance = np.zeros((6, 6))
     for each in contacts:
-        x, y, sheared = each.x_mm, each.y_mm, spread.shear_n(spread.nominal[0], each.force_n)
+        x, y, sheared = each.x_mm, each.y_mm, spread.shear_n(spread.nominal[0], 0.0, each.force_n)
         # (-f, -y f, x f): errors from the force, and from the place.
         by_force = np.array([0.0, 0.0, -1.0, -y, x, 0.0]) * each.sigma_n
         by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
