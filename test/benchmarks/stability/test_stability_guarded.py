@@ -139,6 +139,15 @@ def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(
     assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held)
 
 
+@pytest.mark.parametrize('profile', ['fast', 'field'])
+@pytest.mark.parametrize('apart_mm', [14, 7])
+def test_two_tips_close_together_are_read_and_ok(read_once: Answers, profile: str, apart_mm: float) -> None:
+    held = held_of(read_once(profile, 'two contacts', apart_mm))
+    assert len(held) == 4
+    assert [each.status for each in held] == [OK] * 4
+    assert max(abs(each.error_n) / each.nominal_n for each in held) < 2
+
+
 @pytest.mark.parametrize(('name', 'level'), [('dragged', 0.1), ('ball', 1), ('flat punch', 1)])
 def test_a_response_is_as_unsure_of_other_contacts_than_tips_pressed_straight_down_as_they_are_off(
     read_once: Answers, name: str, level: float
