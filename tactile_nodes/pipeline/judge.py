@@ -22,8 +22,9 @@ MOST_LIGHT_SHARE = 0.05
 """A dense search mistakes light for motion: it is off if any block of the image is brighter or darker by more."""
 
 MOST_NOISE = 1.3
-"""Residual of the middle of the image after motion and light, over the residual at the capture: within 2 % of 1 at
-rest. JPEG of quality 90 gives 1.34, a blur of 0.5 px 2.6, one stuck pixel in a thousand 3.3."""
+"""Residual of the middle of the image after motion and light, over the residual at the capture, which grows with the
+light: within 2 % of 1 at rest. JPEG of quality 90 gives 1.34, a blur of 0.5 px 2.6, one stuck pixel in a thousand
+3.3."""
 
 BEYOND_NOISE = 4.5
 """From this ratio on the image counts as another one. Four times the noise gives 3.7, eight times 7.1. JPEG of quality
@@ -123,7 +124,8 @@ def _look_closer(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> None:
         return
     gone = stillness.unexplained or moved.explained < EXPLAINED
     memory.gone = memory.gone or gone if rest.another else gone
-    usual = memory.noise_grey = memory.noise_grey or stillness.noise_grey
+    memory.noise_grey = memory.noise_grey or stillness.noise_grey
+    usual = memory.noise_grey * max(1.0, frame.level / max(rest.captured.level, 1.0))
     noisy = stillness.noise_grey > MOST_NOISE * usual
     memory.odd = stillness.unexplained or noisy
     other_light = rest.dense and stillness.light_share > MOST_LIGHT_SHARE

@@ -139,6 +139,11 @@ def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(
     assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held)
 
 
+def test_noise_that_grows_with_the_light_leaves_forces_ok(read_once: Answers) -> None:
+    held = held_of(read_once('fast', 'flicker', 30, replace(FEW, presses=6, hold=4, rest=2)))
+    assert [each.status for each in held] == [OK] * 24
+
+
 @pytest.mark.parametrize('profile', ['fast', 'field'])
 @pytest.mark.parametrize('apart_mm', [14, 7])
 def test_two_tips_close_together_are_read_and_ok(read_once: Answers, profile: str, apart_mm: float) -> None:
