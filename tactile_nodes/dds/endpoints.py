@@ -43,9 +43,10 @@ def writer_qos(type_name: str, qos: BusQos, lifespan_s: float | None = None) -> 
 
 
 def reader_qos(type_name: str, qos: BusQos) -> Qos:
-    """Keep last; a reader that is neither reliable nor latched matches every writer."""
+    """Keep last, from other participants; a reader that is neither reliable nor latched matches every writer."""
     return Qos(
         _reliability(qos),
+        Policy.IgnoreLocal.Participant,
         Policy.History.KeepLast(qos.depth),
         _durability(qos),
         Policy.DataRepresentation(use_cdrv0_representation=True),

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.protocol import Bus, Publisher, Qos
+from tactile_nodes.bus.inprocess import InProcessBus, LocalPublisher
+from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ConfigurationError, MessageError
 
@@ -35,7 +36,7 @@ class Wish:
             ConfigurationError: the type is missing, or does not exist.
         """
         name, _, kind = text.partition('@')
-        topic = topics.TOPICS.get(name) or topics.TOPICS.get(name.rpartition('/')[2])
+        topic = topics.in_table(name)
         kind = kind or (topic.type_name if topic else '')
         try:
             messages.message_class(kind)
@@ -53,12 +54,12 @@ class Inward:
     def __init__(
         self,
         participant: Participant,
-        bus: Bus,
+        bus: InProcessBus,
         node: str,
         wishes: Iterable[Wish],
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        self.taken = self.malformed = 0
+        self.taken = self._malformed = 0
         self._clock = bus.clock
         self._apart_ns = 0
         self._flows = [_Flow(self, participant, bus, node, wish, post) for wish in wishes]
@@ -66,6 +67,15 @@ class Inward:
     @property
     def gids(self) -> tuple[bytes, ...]:
         return tuple(flow.reader.gid for flow in self._flows)
+
+    @property
+    def publishers(self) -> frozenset[str]:
+        """The gids of its publishers on the bus."""
+        return frozenset(flow.publisher.gid for flow in self._flows)
+
+    @property
+    def malformed(self) -> int:
+        return self._malformed + sum(flow.reader.malformed for flow in self._flows)
 
     @property
     def apart_s(self) -> float:
@@ -79,12 +89,12 @@ class Inward:
             return ''
         return f'messages are stamped {self.apart_s:+.3f} s before their arrival: the clocks differ'
 
-    def pass_on(self, publisher: Publisher, data: bytes, type_name: str) -> None:
+    def pass_on(self, publisher: LocalPublisher, data: bytes, type_name: str) -> None:
         """Publish the data if they are a message."""
         try:
             message = messages.decode(data, type_name)
         except MessageError:
-            self.malformed += 1
+            self._malformed += 1
             return
         stamp_ns = messages.stamp_ns(message.header.stamp) if hasattr(message, 'header') else 0
         # A stamp that is not set, or that of a latched message of before, is no clock that differs.
@@ -104,7 +114,7 @@ class _Flow:
         self,
         inward: Inward,
         participant: Participant,
-        bus: Bus,
+        bus: InProcessBus,
         node: str,
         wish: Wish,
         post: Callable[[Callable[[], None]], None],
@@ -114,7 +124,7 @@ class _Flow:
         qos = Qos('queue', max(usual.depth, _KEPT), latched=usual.latched, reliable=usual.latched)
         self._inward = inward
         self._type_name = wish.type_name
-        self.publisher: Publisher = bus.advertise(wish.topic, wish.type_name, qos, node)
+        self.publisher = bus.advertise(wish.topic, wish.type_name, qos, node)
         self.reader: CdrReader = participant.reader(wish.topic, wish.type_name, qos, lambda: post(self.drain))
 
     def drain(self) -> None:

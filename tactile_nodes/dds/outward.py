@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tactile_nodes.dds.participant import Participant
 
 BRIDGE = 'dds_bridge'
-_EVERY_NODE_HAS = {topics.ROSOUT.name, topics.DIAGNOSTICS.name}
 _ROSOUT_LIFESPAN_S = 10.0  # rmw_qos_profile_rosout_default
 
 
@@ -29,6 +28,7 @@ class Outward:
     Args:
         post: runs work in the thread that calls `look`.
         refuse: called once for each publisher that cannot be bridged.
+        came: gids of publishers whose messages came from the graph, and are not sent back.
     """
 
     def __init__(
@@ -39,12 +39,14 @@ class Outward:
         send: tuple[str, ...],
         post: Callable[[Callable[[], None]], None],
         refuse: Callable[[str], None],
+        came: frozenset[str],
     ) -> None:
         self.forwarded = self.failed = 0
         self._participant = participant
         self._bus = bus
         self._send = send
         self._refuse = refuse
+        self._came = came
         self._tap = Tap(bus, node, post, self._take)
         self._ends: dict[str, Endpoint] = {}
         self._writers: dict[str, CdrWriter] = {}
@@ -78,9 +80,7 @@ class Outward:
         self._writers.clear()
 
     def _is_sent(self, end: Endpoint) -> bool:
-        # Topics that such a bridge itself publishes came from the graph.
-        came = end.node.rpartition('/')[2] == BRIDGE and end.name not in _EVERY_NODE_HAS
-        return bool(end.gid) and not came and fits(end.name, self._send)
+        return bool(end.gid) and end.gid not in self._came and fits(end.name, self._send)
 
     def _offer(self, gid: str, end: Endpoint) -> None:
         table = topics.default_qos(end.name)

@@ -66,9 +66,10 @@ class DdsBridgeNode(Node):
         domain_id = domain_from_environment()
         self._participant = open_participant(domain_id, discovery)
         warn = lambda text: self.log.warn(text, once=text)  # noqa: E731
-        self._out = Outward(self._participant, bus, self.full_name, chosen.send, self.post, warn)
         resolved = [Wish(self.names.resolve(wish.topic), wish.type_name) for wish in wishes]
         self._in = Inward(self._participant, bus, self.full_name, resolved, self.post)
+        came = self._in.publishers
+        self._out = Outward(self._participant, bus, self.full_name, chosen.send, self.post, warn, came)
         self._look()
         self.create_timer(LOOK_EVERY_S, self._look)
         self.create_timer(_REPORT_PERIOD_S, self._report)
