@@ -54,7 +54,7 @@ def _add_list(verbs: Verbs) -> None:
     completed(verb.add_argument('node', nargs='?', help='a node (default: all nodes)'), completers.nodes)
     verb.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
     verb.add_argument(
-        '--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only those that begin with PREFIX'
+        '--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only PREFIX and those below it: PREFIX.…'
     )
     verb.add_argument('--param-type', action='store_true', help='print the type of each')
 

@@ -18,6 +18,7 @@ from running_system import Tactile, wait_until
 
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Endpoint, Qos, Received
+from tactile_nodes.bus.topics import TF_STATIC
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.running.session import interruptible
@@ -269,6 +270,24 @@ def test_pub_fills_in_the_stamp(other: ZmqBus, tactile: Tactile) -> None:
     stamp = received.message.header.stamp
     assert before_ns <= stamp.sec * 1_000_000_000 + stamp.nanosec <= other.clock.now_ns()
     assert received.message.wrench.force.z == 1.0
+
+
+def test_pub_fills_in_the_stamps_of_parts_in_a_list(other: ZmqBus, tactile: Tactile) -> None:
+    subscription = other.subscribe('/tf_static', TF_STATIC.type_name, TF_STATIC.qos)
+    parts = '{header: auto, child_frame_id: a}, {header: {stamp: now, frame_id: base}}'
+    assert tactile('topic', 'pub', '-1', '/tf_static', TF_STATIC.type_name, f'{{transforms: [{parts}]}}').status == 0
+    received = subscription.get(30.0)
+    assert received is not None
+    assert all(each.header.stamp.sec > 0 for each in received.message.transforms)
+    assert received.message.transforms[1].header.frame_id == 'base'
+
+
+@pytest.mark.parametrize(
+    'words', [('echo', '/b', WRENCH, '--timeout', '0.1'), ('pub', '/b', WRENCH, '-1', '--max-wait-time-secs', '0.1')]
+)
+def test_the_wrong_type_of_a_topic_is_told(words: tuple[str, ...], other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    assert tactile('topic', *words).err.startswith(f'/b has the type {STRING}, not {WRENCH}\n')
 
 
 @pytest.mark.parametrize(

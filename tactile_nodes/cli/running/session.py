@@ -6,6 +6,7 @@ import argparse
 import math
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -141,6 +142,13 @@ def type_of_topic(graph: Graph, topic: str) -> str:
     if len(found) > 1:
         raise BusError(f'{topic} is used with several types: {", ".join(found)}; give the type that you mean')
     return found[0]
+
+
+def compare_types(graph: Graph, topic: str, type_name: str) -> None:
+    """Say on stderr that `topic` is used with other types alone: nothing is exchanged with its nodes."""
+    found = graph.topics().get(topic, [type_name])
+    if type_name not in found:
+        print(f'{topic} has the type {", ".join(found)}, not {type_name}', file=sys.stderr, flush=True)
 
 
 def type_of_service(graph: Graph, service: str) -> str:

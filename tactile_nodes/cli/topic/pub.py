@@ -9,6 +9,7 @@ from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.running.session import (
     Verbs,
+    compare_types,
     completed,
     count,
     duration,
@@ -72,6 +73,7 @@ def publish(arguments: argparse.Namespace) -> int:
     node = absolute(arguments.node_name, 'a node') if arguments.node_name else own_name()
     with joined() as bus:
         make_message(type_name, values, bus.clock)  # report wrong fields before waiting for subscribers
+        compare_types(bus.graph(), topic, type_name)
         publisher = bus.advertise(topic, type_name, default_qos(topic), node)
         if arguments.node_name:
             bus.add_node(node)
@@ -94,16 +96,13 @@ def make_message(type_name: str, values: dict[str, Any], clock: Clock) -> Any:
     return messages.from_dict(type_name, _stamped(values, now))
 
 
-def _stamped(values: dict[str, Any], now: dict[str, int]) -> dict[str, Any]:
-    filled: dict[str, Any] = {}
-    for name, value in values.items():
-        if name == 'header' and value == 'auto':
-            filled[name] = {'stamp': now}
-        elif name == 'stamp' and value == 'now':
-            filled[name] = now
-        else:
-            filled[name] = _stamped(value, now) if isinstance(value, dict) else value
-    return filled
+def _stamped(value: Any, now: dict[str, int]) -> Any:
+    if isinstance(value, list):
+        return [_stamped(each, now) for each in value]
+    if not isinstance(value, dict):
+        return value
+    words = {('header', 'auto'): {'stamp': now}, ('stamp', 'now'): now}
+    return {name: words.get((name, str(part))) or _stamped(part, now) for name, part in value.items()}
 
 
 def _wanted_listeners(arguments: argparse.Namespace) -> int:
