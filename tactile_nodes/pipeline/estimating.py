@@ -92,7 +92,8 @@ class Estimating:
     def take(self, ready: Ready) -> None:
         """Use this model from the next frame on."""
         if ready is not self._back:
-            self._earlier.append(self.now)
+            if (ready.name, ready.loaded.model_id) != (self.now.name, self.now.loaded.model_id):
+                self._earlier.append(self.now)
         elif self._earlier:
             self._earlier.pop()
         self._back = None

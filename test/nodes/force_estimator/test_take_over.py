@@ -157,6 +157,13 @@ def test_undo_returns_to_the_model_before(live: Live, forces: Subscription, cali
     assert live.node.params.model.endswith('small.safetensors')
 
 
+def test_the_model_in_use_set_once_more_is_not_the_one_before(live: Live, calibrated: Path) -> None:
+    """As by ``tactile param load`` of what ``tactile param dump`` wrote."""
+    live.set_model(calibrated)
+    assert live.set_model(calibrated).successful
+    assert live.undo().message.startswith('back to small')
+
+
 def test_who_undoes_twice_at_once_is_answered_twice(live: Live, forces: Subscription, calibrated: Path) -> None:
     live.set_model(calibrated)
     answers = live.calls('undo_calibration', services.TRIGGER, types.Trigger_Request(), 2)
