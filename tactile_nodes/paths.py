@@ -15,6 +15,7 @@ from tactile_nodes.errors import ConfigurationError
 PACKAGE = 'tactile_nodes'
 OF_BAGS = frozenset({'.mcap', '.db3', '.yaml'})
 OF_PICTURES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
+_LOGINS = '/run/user'
 _LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108, the last one a NUL, see unix(7)
 _LONGEST_SOCKET_NAME = 'd232/01234567.99999.sock'  # of the bus, see `bus.zeromq.discovery`
 
@@ -60,15 +61,17 @@ def described_in(folder: str, name: Path | str, what: str) -> Path:
 def run_directory() -> Path:
     """The folder for sockets and other files that last as long as the processes; only this user may enter.
 
-    ``$TACTILE_RUN_DIR``, else ``$XDG_RUNTIME_DIR/tactile``, else ``<tmp>/tactile-<uid>``.
+    ``$TACTILE_RUN_DIR``, else ``tactile`` in ``$XDG_RUNTIME_DIR`` or in ``/run/user/<uid>``, which is the same for a
+    login and not named to a system service, else ``<tmp>/tactile-<uid>``.
 
     Raises:
         ConfigurationError: the folder belongs to another user, or others may enter it.
     """
     if chosen := os.environ.get('TACTILE_RUN_DIR'):
         return _private(Path(chosen).expanduser().absolute())
-    if (base := os.environ.get('XDG_RUNTIME_DIR')) and _is_own(Path(base)):
-        return _private(Path(base) / 'tactile')
+    for base in (os.environ.get('XDG_RUNTIME_DIR'), f'{_LOGINS}/{os.getuid()}'):
+        if base and _is_own(Path(base)):
+            return _private(Path(base) / 'tactile')
     return _private(Path(tempfile.gettempdir()) / f'tactile-{os.getuid()}')
 
 

@@ -17,6 +17,7 @@ from tactile_nodes.errors import ConfigurationError
 def _no_run_folder_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv('TACTILE_RUN_DIR', raising=False)
     monkeypatch.delenv('XDG_RUNTIME_DIR', raising=False)
+    monkeypatch.setattr(paths, '_LOGINS', '/proc/none')
 
 
 def test_share_folder_holds_the_messages_and_the_manifest() -> None:
@@ -44,6 +45,14 @@ def test_run_folder_does_not_depend_on_where_a_process_was_started(
 def test_run_folder_lies_in_the_users_runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('XDG_RUNTIME_DIR', str(tmp_path))
     assert paths.run_directory() == tmp_path / 'tactile'
+
+
+def test_a_service_without_a_login_uses_the_runtime_folder_of_its_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f'{os.getuid()}').mkdir()
+    monkeypatch.setattr(paths, '_LOGINS', str(tmp_path))
+    assert paths.run_directory() == tmp_path / f'{os.getuid()}/tactile'
 
 
 def test_run_folder_lies_in_the_temporary_folder_when_there_is_no_other(

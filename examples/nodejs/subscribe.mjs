@@ -18,9 +18,9 @@ const MESSAGES = path.join(path.dirname(fileURLToPath(import.meta.url)), "../../
 
 function runFolder() {
   const { TACTILE_RUN_DIR, XDG_RUNTIME_DIR, ROS_DOMAIN_ID } = process.env;
-  const base =
-    TACTILE_RUN_DIR ||
-    (XDG_RUNTIME_DIR ? path.join(XDG_RUNTIME_DIR, "tactile") : path.join(os.tmpdir(), `tactile-${os.userInfo().uid}`));
+  const { uid } = os.userInfo();
+  const login = [XDG_RUNTIME_DIR, `/run/user/${uid}`].find((folder) => folder && existsSync(folder));
+  const base = TACTILE_RUN_DIR || (login ? path.join(login, "tactile") : path.join(os.tmpdir(), `tactile-${uid}`));
   return path.join(base, `d${ROS_DOMAIN_ID || 0}`);
 }
 

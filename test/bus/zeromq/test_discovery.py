@@ -165,13 +165,15 @@ def test_socket_whose_folder_is_removed_while_it_is_put_back_is_put_back_the_nex
         assert place.is_socket()
 
 
+@pytest.mark.parametrize('told', [True, False], ids=['login', 'system service'])
 def test_who_logs_in_again_meets_those_who_ran_on_after_the_last_logout(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    told: bool, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """systemd removes the folder of a login at the last logout, and makes it again at the next login."""
-    login, elsewhere = folder / 'login', folder / 'tmp'
+    login, elsewhere = folder / f'{os.getuid()}', folder / 'tmp'
     monkeypatch.delenv('TACTILE_RUN_DIR', raising=False)
-    monkeypatch.setenv('XDG_RUNTIME_DIR', str(login))
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(login) if told else '')
+    monkeypatch.setattr('tactile_nodes.paths._LOGINS', str(folder / 'none' if told else folder))
     monkeypatch.setattr('tempfile.tempdir', str(elsewhere))
     login.mkdir()
     elsewhere.mkdir()
