@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.running.session import Verbs, completed, is_hidden, joined
-from tactile_nodes.errors import ConfigurationError, ServiceError
+from tactile_nodes.errors import BusError, ConfigurationError
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.node.parameter_client import ParameterClient
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 DESCRIPTION = "List, read, change, describe, save and load the nodes' parameters."
 
 _KINDS = ('not set', 'boolean', 'integer', 'double', 'string')
+_LIST = '/list_parameters'
 _TYPE_TEXTS = (*_KINDS, 'byte array', *(f'{kind} array' for kind in _KINDS[1:]))
 
 
@@ -51,7 +52,9 @@ _DUMP_EXAMPLES = '  tactile param dump /camera > camera.yaml\n'
 
 def _add_list(verbs: Verbs) -> None:
     verb = verbs.add('list', list_all, 'list the parameters of one node, or of all', '  tactile param list /camera\n')
-    completed(verb.add_argument('node', nargs='?', help='a node (default: all nodes)'), completers.nodes)
+    completed(
+        verb.add_argument('node', nargs='?', type=_full_name, help='a node (default: all nodes)'), completers.nodes
+    )
     verb.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
     verb.add_argument(
         '--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only PREFIX and those below it: PREFIX.…'
@@ -59,9 +62,13 @@ def _add_list(verbs: Verbs) -> None:
     verb.add_argument('--param-type', action='store_true', help='print the type of each')
 
 
+def _full_name(node: str) -> str:
+    return absolute(node, 'a node')
+
+
 def _add_with_node(verbs: Verbs, name: str, action: Any, line: str, examples: str) -> argparse.ArgumentParser:
     verb = verbs.add(name, action, line, examples)
-    completed(verb.add_argument('node', help='a node, /camera for example'), completers.nodes)
+    completed(verb.add_argument('node', type=_full_name, help='a node, /camera for example'), completers.nodes)
     return verb
 
 
@@ -72,13 +79,12 @@ def _add_name(parser: argparse.ArgumentParser, name: str, nargs: str | None = No
 def list_all(arguments: argparse.Namespace) -> int:
     status = 0
     with joined() as bus:
-        nodes = [absolute(arguments.node, 'a node')] if arguments.node else sorted(set(bus.graph().nodes()))
-        for node in nodes:
-            if arguments.node is None and is_hidden(node) and not arguments.all:
-                continue
+        names = {end.name for end in bus.graph().services() if end.name.endswith(_LIST)}
+        nodes = sorted(name.removesuffix(_LIST) for name in names if arguments.all or not is_hidden(name))
+        for node in [arguments.node] if arguments.node else nodes:
             try:
                 lines = _listed(_client(bus, node), arguments)
-            except ServiceError as error:
+            except BusError as error:
                 print(error, file=sys.stderr)
                 status = 1
                 continue
@@ -95,11 +101,9 @@ def _listed(client: ParameterClient, arguments: argparse.Namespace) -> list[str]
 
 def get(arguments: argparse.Namespace) -> int:
     with joined() as bus:
-        value = _client(bus, absolute(arguments.node, 'a node')).values([arguments.name])[arguments.name]
+        value = _client(bus, arguments.node).values([arguments.name])[arguments.name]
     if value is None:
-        raise ConfigurationError(
-            f'{absolute(arguments.node, "a node")} has no parameter {arguments.name!r}; see tactile param list'
-        )
+        raise ConfigurationError(f'{arguments.node} has no parameter {arguments.name!r}; see tactile param list')
     print(value if arguments.hide_type else f'{_label(value)} {value}')
     return 0
 
@@ -116,7 +120,7 @@ def _kind(value: object) -> int:
 
 def set_value(arguments: argparse.Namespace) -> int:
     with joined() as bus:
-        client = _client(bus, absolute(arguments.node, 'a node'))
+        client = _client(bus, arguments.node)
         try:
             client.set(arguments.name, typed(arguments.value))
         except ConfigurationError as error:
@@ -144,13 +148,11 @@ def typed(text: str) -> Value:
 
 def describe(arguments: argparse.Namespace) -> int:
     with joined() as bus:
-        client = _client(bus, absolute(arguments.node, 'a node'))
+        client = _client(bus, arguments.node)
         names = client.names()
         for name in arguments.names:
             if name not in names:
-                raise ConfigurationError(
-                    f'{absolute(arguments.node, "a node")} has no parameter {name!r}; see tactile param list'
-                )
+                raise ConfigurationError(f'{arguments.node} has no parameter {name!r}; see tactile param list')
         for found in client.descriptors(arguments.names or names):
             print('\n'.join(_description(found)))
     return 0
@@ -174,18 +176,17 @@ def _description(found: types.ParameterDescriptor) -> list[str]:
 def dump(arguments: argparse.Namespace) -> int:
     from tactile_nodes.params import parameter_file_text
 
-    node = absolute(arguments.node, 'a node')
     with joined() as bus:
-        client = _client(bus, node)
+        client = _client(bus, arguments.node)
         values = client.values(client.names())
-    print(parameter_file_text({node: dict(sorted(values.items()))}), end='')
+    print(parameter_file_text({arguments.node: dict(sorted(values.items()))}), end='')
     return 0
 
 
 def load(arguments: argparse.Namespace) -> int:
     from tactile_nodes.params import exact_names, load_parameter_file, resolve_parameters
 
-    node = absolute(arguments.node, 'a node')
+    node = arguments.node
     blocks = [
         block
         for block in load_parameter_file(arguments.file)

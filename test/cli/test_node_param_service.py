@@ -11,6 +11,7 @@ from running_system import LampNode, Tactile
 
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli.param import typed
+from tactile_nodes.messages import services, types
 from tactile_nodes.params import load_parameter_file, parameter_file_text, resolve_parameters
 
 
@@ -61,7 +62,8 @@ def test_an_unknown_node_is_reported(tactile: Tactile) -> None:
     assert (ended.status, ended.err) == (1, 'there is no node /nobody; see tactile node list\n')
 
 
-def test_parameters_of_all_nodes_are_listed(lamp: LampNode, tactile: Tactile) -> None:
+def test_parameters_of_all_nodes_are_listed(lamp: LampNode, other: ZmqBus, tactile: Tactile) -> None:
+    other.add_node('/camera')  # without parameters, as `topic pub -n`, or what listens to tf on ROS 2
     assert tactile('param', 'list').out == '/lamp:\n  colour\n  level\n  serial\n  steps\n  use_sim_time\n'
 
 
@@ -91,6 +93,14 @@ def test_the_type_can_be_hidden(lamp: LampNode, tactile: Tactile) -> None:
 def test_a_missing_parameter_is_reported(lamp: LampNode, tactile: Tactile) -> None:
     ended = tactile('param', 'get', '/lamp', 'levle')
     assert (ended.status, ended.err) == (1, "/lamp has no parameter 'levle'; see tactile param list\n")
+
+
+def test_a_parameter_is_reported_as_missing_by_a_node_of_rclcpp(other: ZmqBus, tactile: Tactile) -> None:
+    names = {'list_parameters': services.LIST_PARAMETERS, 'get_parameters': services.GET_PARAMETERS}
+    for name, type_name in names.items():
+        other.serve(f'/arm/{name}', type_name, lambda _, reply: reply(types.GetParameters_Response()), '/arm')
+    ended = tactile('param', 'get', '/arm', 'levle')
+    assert (ended.status, ended.err) == (1, "/arm has no parameter 'levle'; see tactile param list\n")
 
 
 def test_a_parameter_is_changed(lamp: LampNode, tactile: Tactile) -> None:

@@ -37,7 +37,8 @@ class ParameterClient:
     def values(self, names: list[str]) -> dict[str, Value | None]:
         """The value of each; None for a name that the node does not have."""
         answer = self._call('get_parameters', services.GET_PARAMETERS, types.GetParameters_Request(names=names))
-        return {name: from_message(value) for name, value in zip(names, answer.values, strict=True)}
+        found = zip(names, map(from_message, answer.values), strict=False)  # rclcpp gives none if one does not exist
+        return {**dict.fromkeys(names), **dict(found)}
 
     def descriptors(self, names: list[str]) -> list[types.ParameterDescriptor]:
         request = types.DescribeParameters_Request(names=names)

@@ -56,7 +56,12 @@ def add(verbs: Verbs) -> None:
     verb.add_argument('--no-str', action='store_true', help='print the length of strings instead of their text')
     verb.add_argument('-f', '--full-length', action='store_true', help='do not truncate arrays and strings')
     verb.add_argument(
-        '-l', '--truncate-length', type=count, metavar='N', help='truncate arrays and strings after N (128)'
+        '-l',
+        '--truncate-length',
+        type=count,
+        default=128,
+        metavar='N',
+        help='truncate arrays and strings after N (128)',
     )
     verb.add_argument(
         '-i', '--include-message-info', action='store_true', help='print the times of sending and arrival'
@@ -167,7 +172,7 @@ def _text(message: Any, info: dict[str, Any], arguments: argparse.Namespace) -> 
 
 
 def _shown(arguments: argparse.Namespace) -> Shown:
-    from tactile_nodes.cli.running.text import TRUNCATE_LENGTH, Shown
+    from tactile_nodes.cli.running.text import Shown
 
-    length = TRUNCATE_LENGTH if arguments.truncate_length is None else arguments.truncate_length
-    return Shown(None if arguments.full_length else length, not arguments.no_arr, not arguments.no_str)
+    length = None if arguments.full_length else arguments.truncate_length
+    return Shown(length, not arguments.no_arr, not arguments.no_str)

@@ -6,7 +6,7 @@ import argparse
 import statistics
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
@@ -19,16 +19,7 @@ if TYPE_CHECKING:
     from tactile_nodes.clock import Clock
 
 REPORT_EVERY_S = 1.0
-
-
-class Meter(Protocol):
-    """Collects messages and reports its result now and then."""
-
-    def add(self, received: Received) -> None: ...
-
-    def report(self, now_ns: int, /) -> str | None:
-        """Text to print; None if there is nothing to report yet."""
-        ...
+Meter: TypeAlias = 'Rate | Delay | Bandwidth'
 
 
 def add(verbs: Verbs) -> None:
