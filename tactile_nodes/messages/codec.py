@@ -157,7 +157,7 @@ def to_dict(message: Any) -> dict[str, Any]:
 
 
 def from_dict(name: str, values: Mapping[str, Any]) -> Any:
-    """The message of type `name` with these fields set and the others zero, like the argument of ``ros2 topic pub``.
+    """The message of type `name` with these fields set, the others by default, like the argument of ``ros2 topic pub``.
 
     Raises:
         MessageError: no such type or field, or a value that does not fit.

@@ -3,7 +3,7 @@
 The fields of all types are in `definitions.json`, which ``python -m reference.stubs`` writes. To read them from the
 classes of rosbags and from our texts would delay the start of every process. Codec and hashes come from rosbags. The
 classes are made here, because nodes share messages without copies, so a message must not change. They are frozen, and
-every field that is not given is zero, empty or a message of zeros, as in ROS 2.
+every field that is not given is zero, empty or such a message, but for the few defaults of ROS 2 in `_NOT_ZERO`.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from tactile_nodes.paths import PACKAGE, share_directory
 
 _LITTLE = b'\0\1'
 _EMPTY = 'structure_needs_at_least_one_member'
+_NOT_ZERO = {('geometry_msgs/msg/Quaternion', 'w'): 1.0, ('sensor_msgs/msg/NavSatStatus', 'status'): -2}
 # The type to use if two packages share a short name.
 _PREFERRED = (PACKAGE, 'builtin_interfaces', 'std_msgs', 'geometry_msgs', 'sensor_msgs', 'diagnostic_msgs')
 
@@ -90,7 +91,10 @@ class MessageStore(Typestore):
 
     def _frozen_class(self, name: str) -> type[Any]:
         constants, fields = self.fielddefs[name]
-        columns = [(normalize_fieldname(field), Any, self._default(description)) for field, description in fields]
+        columns = [
+            (normalize_fieldname(field), Any, _NOT_ZERO.get((name, field)) or self._default(description))
+            for field, description in fields
+        ]
         namespace: dict[str, Any] = {constant: value for constant, _, value in constants}
         namespace['__msgtype__'] = name
         namespace['__doc__'] = own_texts().get(name, name)

@@ -172,7 +172,6 @@ def _marker(force: types.ForceDistribution, group: str, number: int, **fields: A
         header=force.header,
         ns=group,
         id=number,
-        pose=types.Pose(orientation=types.Quaternion(w=1.0)),
         color=DEGRADED_COLOUR if degraded else OK_COLOUR,
         **fields,
     )

@@ -111,6 +111,12 @@ def test_from_dict_reads_what_a_person_types() -> None:
     assert messages.to_dict(message)['wrench']['force'] == {'x': 0.0, 'y': 0.0, 'z': -1.0}
 
 
+def test_a_rotation_not_given_is_none_as_in_ros_2() -> None:
+    """Quaternion.msg has the default w = 1; tf2 refuses a quaternion of zeros."""
+    transform = messages.from_dict('geometry_msgs/msg/TransformStamped', {'child_frame_id': 'tip'}).transform
+    assert messages.to_dict(transform.rotation) == {'x': 0.0, 'y': 0.0, 'z': 0.0, 'w': 1.0}
+
+
 def test_from_dict_takes_no_text_for_a_list_of_its_letters() -> None:
     with pytest.raises(MessageError, match=r"JointState\.name cannot be 'wrist': expected a list"):
         messages.from_dict('sensor_msgs/msg/JointState', {'name': 'wrist', 'position': [1.0]})

@@ -43,7 +43,12 @@ def add(verbs: Verbs) -> None:
     verb = verbs.add('pub', publish, 'publish messages', _EXAMPLES)
     completed(verb.add_argument('topic', help='a topic, /greeting for example'), completers.topics)
     completed(verb.add_argument('type', help='its type, std_msgs/msg/String for example'), completers.topic_types)
-    verb.add_argument('values', nargs='?', default='{}', help='its fields as YAML; fields not named are zero')
+    verb.add_argument(
+        'values',
+        nargs='?',
+        default='{}',
+        help="its fields as YAML; others have ROS 2's defaults: zero, and no rotation",
+    )
     verb.add_argument(
         '-r', '--rate', type=positive_float, default=1.0, metavar='HZ', help='publishing rate (default: 1)'
     )
