@@ -19,7 +19,7 @@ from benchmarks.harness.declaration import Benchmark, Result, argument
 from benchmarks.harness.report import columns, opening, percentiles
 from benchmarks.harness.running import Run
 from benchmarks.streams import Times
-from tactile_nodes.dds.opening import require_cyclone
+from tactile_nodes.errors import from_extra
 
 DEFAULT_DOMAIN = 99
 HANGING = """\
@@ -35,7 +35,8 @@ CASES = {
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """Measure each case, with separate processes."""
-    require_cyclone()
+    with from_extra('dds', 'speaking DDS'):
+        import tactile_nodes.dds.participant  # noqa: F401
     cases = {}
     for name, parts in CASES.items():
         with _running(parts, arguments.domain, arguments.rate) as ends:

@@ -109,13 +109,10 @@ def get(arguments: argparse.Namespace) -> int:
 
 
 def _label(value: Value) -> str:
-    if isinstance(value, list):
-        return f'{_KINDS[_kind(value[0])].capitalize() if value else "String"} values are:'
-    return f'{_KINDS[_kind(value)].capitalize()} value is:'
-
-
-def _kind(value: object) -> int:
-    return {bool: 1, int: 2, float: 3}.get(type(value), 4)
+    many = isinstance(value, list)
+    one = next(iter(value), '') if isinstance(value, list) else value
+    kind = _KINDS[{bool: 1, int: 2, float: 3}.get(type(one), 4)]
+    return f'{kind.capitalize()} {"values are" if many else "value is"}:'
 
 
 def set_value(arguments: argparse.Namespace) -> int:
@@ -186,20 +183,16 @@ def dump(arguments: argparse.Namespace) -> int:
 def load(arguments: argparse.Namespace) -> int:
     from tactile_nodes.params import exact_names, load_parameter_file, resolve_parameters
 
-    node = arguments.node
-    blocks = [
-        block
-        for block in load_parameter_file(arguments.file)
-        if not (arguments.no_use_wildcard and '*' in block.pattern)
-    ]
+    node, blocks = arguments.node, load_parameter_file(arguments.file)
+    if arguments.no_use_wildcard:
+        blocks = [block for block in blocks if '*' not in block.pattern]
     values = resolve_parameters(node, blocks)
     if not values:
         raise ConfigurationError(f'{arguments.file} holds no parameters for {node}')
     with joined() as bus:
         client = _client(bus, node)
-        wanted = exact_names(node, blocks) | set(
-            client.names()
-        )  # ignore wildcard entries for parameters that it does not have
+        # Wildcard entries for parameters that it does not have are ignored.
+        wanted = exact_names(node, blocks) | set(client.names())
         return max([0, *(_load_one(client, name, value) for name, value in values.items() if name in wanted)])
 
 

@@ -6,11 +6,10 @@ Because they are private, setup.py pins the version, and tests check the functio
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from cyclonedds import _clayer
-from cyclonedds.core import DDSException, InstanceState, Listener, Policy, Qos, SampleState, ViewState
+from cyclonedds.core import DDSException, InstanceState, Policy, Qos, SampleState, ViewState
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 
@@ -101,11 +100,6 @@ class CdrReader:
         plain = [_without_padding(data) for data in valid if data[:2] in {_CDR_LITTLE, _CDR_BIG}]
         self.malformed += len(valid) - len(plain)
         return plain
-
-
-def listener(on_data: Callable[[], None]) -> Listener:
-    """A listener that calls `on_data`, in a thread of Cyclone, whenever data have arrived."""
-    return Listener(on_data_available=lambda _: on_data())
 
 
 def _durability(qos: BusQos) -> Any:

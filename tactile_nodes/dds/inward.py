@@ -59,7 +59,7 @@ class Inward:
         wishes: Iterable[Wish],
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        self.taken = self._malformed = 0
+        self.taken = 0
         self._clock = bus.clock
         self._apart_ns = 0
         self._flows = [_Flow(self, participant, bus, node, wish, post) for wish in wishes]
@@ -75,7 +75,7 @@ class Inward:
 
     @property
     def malformed(self) -> int:
-        return self._malformed + sum(flow.reader.malformed for flow in self._flows)
+        return sum(flow.reader.malformed for flow in self._flows)
 
     @property
     def apart_s(self) -> float:
@@ -89,13 +89,9 @@ class Inward:
             return ''
         return f'messages are stamped {self.apart_s:+.3f} s before their arrival: the clocks differ'
 
-    def pass_on(self, publisher: LocalPublisher, data: bytes, type_name: str) -> None:
-        """Publish the data if they are a message."""
-        try:
-            message = messages.decode(data, type_name)
-        except MessageError:
-            self._malformed += 1
-            return
+    def pass_on(self, publisher: LocalPublisher, data: bytes) -> None:
+        """Publish the data. Raises MessageError: they are not a message of that type."""
+        message = messages.decode(data, publisher.type_name)
         stamp_ns = messages.stamp_ns(message.header.stamp) if hasattr(message, 'header') else 0
         # A stamp that is not set, or that of a latched message of before, is no clock that differs.
         if stamp_ns and not topics.default_qos(publisher.topic).latched:
@@ -123,7 +119,6 @@ class _Flow:
         usual = topics.default_qos(wish.topic)
         qos = Qos('queue', max(usual.depth, _KEPT), latched=usual.latched, reliable=usual.latched)
         self._inward = inward
-        self._type_name = wish.type_name
         self.publisher = bus.advertise(wish.topic, wish.type_name, qos, node)
         self.reader: CdrReader = participant.reader(wish.topic, wish.type_name, qos, lambda: post(self.drain))
 
@@ -131,4 +126,7 @@ class _Flow:
         """Pass on received messages; called in the thread in which `post` runs work."""
         while found := self.reader.take():
             for data in found:
-                self._inward.pass_on(self.publisher, data, self._type_name)
+                try:
+                    self._inward.pass_on(self.publisher, data)
+                except MessageError:
+                    self.reader.malformed += 1

@@ -11,16 +11,6 @@ if TYPE_CHECKING:
     from tactile_nodes.dds.participant import Participant
 
 
-def require_cyclone() -> None:
-    """Check early that Cyclone DDS is installed, as `open_participant` does later.
-
-    Raises:
-        ConfigurationError: Cyclone DDS is not installed.
-    """
-    with from_extra('dds', 'speaking DDS'):
-        import tactile_nodes.dds.participant  # noqa: F401
-
-
 def open_participant(domain_id: int, discovery: Discovery) -> Participant:
     """Join a DDS domain.
 
@@ -28,7 +18,6 @@ def open_participant(domain_id: int, discovery: Discovery) -> Participant:
         BusError: it cannot be joined.
         ConfigurationError: Cyclone DDS is not installed.
     """
-    require_cyclone()
-    from tactile_nodes.dds.participant import Participant
-
+    with from_extra('dds', 'speaking DDS'):
+        from tactile_nodes.dds.participant import Participant
     return Participant(domain_id, discovery)

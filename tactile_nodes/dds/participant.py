@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from cyclonedds.core import DDSException, Policy, Qos
+from cyclonedds.core import DDSException, Listener, Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -14,7 +14,7 @@ from cyclonedds.topic import Topic
 
 from tactile_nodes.bus.protocol import Qos as BusQos
 from tactile_nodes.dds.confining import confine, open_sockets
-from tactile_nodes.dds.endpoints import CdrReader, CdrWriter, listener, reader_qos, writer_qos
+from tactile_nodes.dds.endpoints import CdrReader, CdrWriter, reader_qos, writer_qos
 from tactile_nodes.dds.idl_types import idl_type
 from tactile_nodes.dds.names import DISCOVERY, PARTICIPANT_DATA, NodeEnds, dds_topic, split_name
 from tactile_nodes.dds.sayings import Sayings, cyclone_log
@@ -78,7 +78,8 @@ class Participant:
         dds = dds_topic(topic)
         try:
             about = self._topic(dds, type_name)
-            return CdrReader(DataReader(self._participant, about, reader_qos(type_name, qos), listener(on_data)))
+            listener = Listener(on_data_available=lambda _: on_data())
+            return CdrReader(DataReader(self._participant, about, reader_qos(type_name, qos), listener))
         except DDSException as error:
             raise BusError(f'cannot receive {topic} over DDS: {error}') from error
 

@@ -65,7 +65,9 @@ class ParameterServer:
 
     def get(self, request: types.GetParameters_Request) -> types.GetParameters_Response:
         values = {**params.to_values(self.block), **self._fixed}
-        found = [self._value(name, values[name]) if name in values else _no_value() for name in request.names]
+        found = [
+            self._value(name, values[name]) if name in values else types.ParameterValue() for name in request.names
+        ]
         return types.GetParameters_Response(values=found)
 
     def set(self, request: types.SetParameters_Request) -> types.SetParameters_Response:
@@ -136,10 +138,6 @@ def to_message(value: Any, kind: int | None = None) -> types.ParameterValue:
     return types.ParameterValue(type=kind, **fields)
 
 
-def _no_value() -> types.ParameterValue:
-    return types.ParameterValue(type=NOT_SET)
-
-
 def from_message(message: types.ParameterValue) -> Any:
     """The reverse; None when it is not set."""
     if message.type not in _FIELDS:
@@ -163,9 +161,7 @@ def _ranges(kind: int, minimum: float | None, maximum: float | None) -> dict[str
         return {'integer_range': [types.IntegerRange(from_value=low, to_value=high, step=0)]}
     low_f = -np.inf if minimum is None else float(minimum)
     high_f = np.inf if maximum is None else float(maximum)
-    return {
-        'floating_point_range': [types.FloatingPointRange(from_value=float(low_f), to_value=float(high_f), step=0.0)]
-    }
+    return {'floating_point_range': [types.FloatingPointRange(from_value=low_f, to_value=high_f, step=0.0)]}
 
 
 def _listed(name: str, prefixes: list[str], depth: int) -> bool:

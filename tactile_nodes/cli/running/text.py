@@ -111,11 +111,8 @@ def _kind_of(value: Any, description: Any) -> str:
         return f'<sequence length: {len(value)}>'
     kind, ((_, inner), _length) = description
     name = inner if isinstance(inner, str) else inner[0]
-    return f'<array type: {name}[{len(value)}]>' if kind == Nodetype.ARRAY else _sequence(name, len(value))
-
-
-def _sequence(name: str, length: int) -> str:
-    return f'<sequence type: {name}, length: {length}>'
+    whole = kind == Nodetype.ARRAY
+    return f'<array type: {name}[{len(value)}]>' if whole else f'<sequence type: {name}, length: {len(value)}>'
 
 
 def _fields(message: Any) -> Iterator[tuple[str, Any]]:

@@ -95,7 +95,8 @@ def find(arguments: argparse.Namespace) -> int:
         topics = _visible(bus.graph(), arguments.include_hidden_topics)
     wanted = full_type(arguments.type)
     found = [name for name, types in topics.items() if wanted in types]
-    print(*([len(found)] if arguments.count_topics else found), sep='\n', end='\n' if found else '')
+    for line in [len(found)] if arguments.count_topics else found:
+        print(line)
     return 0
 
 

@@ -82,7 +82,9 @@ def publish(arguments: argparse.Namespace) -> int:
         publisher = bus.advertise(topic, type_name, default_qos(topic), node)
         if arguments.node_name:
             bus.add_node(node)
-        _wait_for_listeners(publisher, bus.clock, _wanted_listeners(arguments), arguments.max_wait_time_secs)
+        wanted = arguments.wait_matching_subscriptions
+        wanted = bool(arguments.once or arguments.times) if wanted is None else wanted
+        _wait_for_listeners(publisher, bus.clock, int(wanted), arguments.max_wait_time_secs)
         print('publisher: beginning loop', flush=True)
         _publish_all(bus, publisher, values, arguments)
     return 0
@@ -108,12 +110,6 @@ def _stamped(value: Any, now: dict[str, int]) -> Any:
         return value
     words = {('header', 'auto'): {'stamp': now}, ('stamp', 'now'): now}
     return {name: words.get((name, str(part))) or _stamped(part, now) for name, part in value.items()}
-
-
-def _wanted_listeners(arguments: argparse.Namespace) -> int:
-    if arguments.wait_matching_subscriptions is not None:
-        return int(arguments.wait_matching_subscriptions)
-    return 1 if arguments.once or arguments.times else 0
 
 
 def _wait_for_listeners(publisher: Publisher, clock: Clock, wanted: int, longest_s: float | None) -> None:
