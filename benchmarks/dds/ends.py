@@ -97,7 +97,7 @@ def _read(pipe: Connection, folder: str, domain: int) -> None:
     readers: dict[str, Any] = {}
 
     def take(name: str, type_name: str) -> None:
-        for data in readers[name].take():
+        for _, data in readers[name].take():
             now_ns = clock.now_ns()
             lateness.add(name, messages.stamp_ns(messages.decode(data, type_name).header.stamp), now_ns)
 

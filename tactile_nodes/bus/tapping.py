@@ -11,6 +11,8 @@ from tactile_nodes.errors import BusError
 
 Key = tuple[str, str]
 """Full name and type of a topic."""
+Post = Callable[[Callable[[], None]], None]
+"""Runs work in a certain thread, soon."""
 _SHORTEST_QUEUE = 16  # a waiting bridge must not lose messages that a direct subscriber would get
 
 
@@ -21,9 +23,7 @@ class Tap:
         take: called with the full name of a topic and a message, in order of arrival.
     """
 
-    def __init__(
-        self, bus: Bus, node: str, post: Callable[[Callable[[], None]], None], take: Callable[[str, Received], None]
-    ) -> None:
+    def __init__(self, bus: Bus, node: str, post: Post, take: Callable[[str, Received], None]) -> None:
         self._bus = bus
         self._node = node
         self._post = post

@@ -80,14 +80,19 @@ class CdrWriter:
 
 
 class CdrReader:
-    """Returns messages as the received bytes."""
+    """Returns messages as the received bytes, each with the handle of its writer."""
 
     def __init__(self, reader: DataReader[Any]) -> None:
         self.gid = reader.guid.bytes
         self.malformed = 0
         self._reader = reader
 
-    def take(self) -> list[bytes]:
+    @property
+    def writers(self) -> set[int]:
+        """The handles of the writers that are there now."""
+        return {handle % 2**64 for handle in self._reader.get_matched_publications()}  # given as signed numbers
+
+    def take(self) -> list[tuple[int, bytes]]:
         """The messages received since the last call, a few dozen at most; data that are not plain CDR are only counted.
 
         Raises:
@@ -96,8 +101,8 @@ class CdrReader:
         found = _clayer.ddspy_take(self._reader._ref, _ANY, _AT_ONCE)
         if isinstance(found, int):
             raise BusError(f'cannot read {self._reader.topic.name} from DDS: {DDSException(found)}')
-        valid = [data for data, info in found if info.valid_data]
-        plain = [_without_padding(data) for data in valid if data[:2] in {_CDR_LITTLE, _CDR_BIG}]
+        valid = [(info.publication_handle, data) for data, info in found if info.valid_data]
+        plain = [(writer, _without_padding(data)) for writer, data in valid if data[:2] in {_CDR_LITTLE, _CDR_BIG}]
         self.malformed += len(valid) - len(plain)
         return plain
 

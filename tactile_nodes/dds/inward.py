@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus, LocalPublisher
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.tapping import Post
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ConfigurationError, MessageError
 
@@ -52,12 +54,7 @@ class Inward:
     """Publishes messages of the graph on the bus, as `node`; bytes that are not a message are only counted."""
 
     def __init__(
-        self,
-        participant: Participant,
-        bus: InProcessBus,
-        node: str,
-        wishes: Iterable[Wish],
-        post: Callable[[Callable[[], None]], None],
+        self, participant: Participant, bus: InProcessBus, node: str, wishes: Iterable[Wish], post: Post
     ) -> None:
         self.taken = 0
         self._clock = bus.clock
@@ -68,10 +65,9 @@ class Inward:
     def gids(self) -> tuple[bytes, ...]:
         return tuple(flow.reader.gid for flow in self._flows)
 
-    @property
     def publishers(self) -> frozenset[str]:
         """The gids of its publishers on the bus."""
-        return frozenset(flow.publisher.gid for flow in self._flows)
+        return frozenset(publisher.gid for flow in self._flows for publisher in flow.publishers.values())
 
     @property
     def malformed(self) -> int:
@@ -100,33 +96,37 @@ class Inward:
         self.taken += 1
 
     def close(self) -> None:
-        for flow in self._flows:
-            flow.publisher.close()
+        for publisher in [publisher for flow in self._flows for publisher in flow.publishers.values()]:
+            publisher.close()
         self._flows.clear()
 
 
 class _Flow:
+    """A topic; each latched writer has its own publisher here, as the bus keeps the last message of each publisher."""
+
     def __init__(
-        self,
-        inward: Inward,
-        participant: Participant,
-        bus: InProcessBus,
-        node: str,
-        wish: Wish,
-        post: Callable[[Callable[[], None]], None],
+        self, inward: Inward, participant: Participant, bus: InProcessBus, node: str, wish: Wish, post: Post
     ) -> None:
         # Not reliable, so that it matches every publisher. Only latched ones, which are reliable in ROS 2, send again.
         usual = topics.default_qos(wish.topic)
-        qos = Qos('queue', max(usual.depth, _KEPT), latched=usual.latched, reliable=usual.latched)
+        self._qos = qos = Qos('queue', max(usual.depth, _KEPT), latched=usual.latched, reliable=usual.latched)
         self._inward = inward
-        self.publisher = bus.advertise(wish.topic, wish.type_name, qos, node)
+        self._offer = partial(bus.advertise, wish.topic, wish.type_name, qos, node)
+        self.publishers = {0: self._offer()}
         self.reader: CdrReader = participant.reader(wish.topic, wish.type_name, qos, lambda: post(self.drain))
 
     def drain(self) -> None:
         """Pass on received messages; called in the thread in which `post` runs work."""
         while found := self.reader.take():
-            for data in found:
+            for writer, data in found:
                 try:
-                    self._inward.pass_on(self.publisher, data)
+                    self._inward.pass_on(self._publisher_of(writer if self._qos.latched else 0), data)
                 except MessageError:
                     self.reader.malformed += 1
+
+    def _publisher_of(self, writer: int) -> LocalPublisher:
+        if writer not in self.publishers:
+            for gone in self.publishers.keys() - {0} - self.reader.writers:
+                self.publishers.pop(gone).close()
+            self.publishers[writer] = self._offer()
+        return self.publishers[writer]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.bridge.talk import fits
 from tactile_nodes.bus.protocol import Bus, Endpoint, Graph, Received
-from tactile_nodes.bus.tapping import Tap
+from tactile_nodes.bus.tapping import Post, Tap
 from tactile_nodes.dds.names import NodeEnds
 from tactile_nodes.errors import BusError, ConfigurationError, MessageError
 
@@ -28,7 +28,7 @@ class Outward:
     Args:
         post: runs work in the thread that calls `look`.
         refuse: called once for each publisher that cannot be bridged.
-        came: gids of publishers whose messages came from the graph, and are not sent back.
+        came: returns the gids of publishers whose messages came from the graph, and are not sent back.
     """
 
     def __init__(
@@ -37,9 +37,9 @@ class Outward:
         bus: Bus,
         node: str,
         send: tuple[str, ...],
-        post: Callable[[Callable[[], None]], None],
+        post: Post,
         refuse: Callable[[str], None],
-        came: frozenset[str],
+        came: Callable[[], frozenset[str]],
     ) -> None:
         self.forwarded = self.failed = 0
         self._participant = participant
@@ -64,8 +64,8 @@ class Outward:
 
     def look(self) -> dict[str, NodeEnds]:
         """Update to the present publishers on the bus and readers in the graph. Returns the nodes shown there."""
-        graph = self._bus.graph()
-        ends = {end.gid: end for end in graph.publishers() if self._is_sent(end)}
+        graph, came = self._bus.graph(), self._came()
+        ends = {end.gid: end for end in graph.publishers() if end.gid not in {'', *came} and fits(end.name, self._send)}
         for gid in self._writers.keys() - ends.keys():
             del self._writers[gid]
         for gid in ends.keys() - self._writers.keys() - self._refused:
@@ -78,9 +78,6 @@ class Outward:
     def close(self) -> None:
         self._tap.close()
         self._writers.clear()
-
-    def _is_sent(self, end: Endpoint) -> bool:
-        return bool(end.gid) and end.gid not in self._came and fits(end.name, self._send)
 
     def _offer(self, gid: str, end: Endpoint) -> None:
         table = topics.default_qos(end.name)

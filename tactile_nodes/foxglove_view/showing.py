@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.bus.bridge.talk import fits
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.bus.tapping import Tap
+from tactile_nodes.bus.tapping import Post, Tap
 from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Showing:
         bus: Bus,
         node: str,
         topics: tuple[str, ...],
-        post: Callable[[Callable[[], None]], None],
+        post: Post,
         refuse: Callable[[str], None],
     ) -> None:
         self.shown = 0
