@@ -287,6 +287,7 @@ def test_pub_fills_in_the_stamps_of_parts_in_a_list(other: ZmqBus, tactile: Tact
 )
 def test_the_wrong_type_of_a_topic_is_told(words: tuple[str, ...], other: ZmqBus, tactile: Tactile) -> None:
     other.advertise('/b', STRING, QUEUE)
+    other.subscribe('/b', STRING, QUEUE)
     assert tactile('topic', *words).err.startswith(f'/b has the type {STRING}, not {WRENCH}\n')
 
 

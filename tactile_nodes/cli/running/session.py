@@ -16,7 +16,7 @@ from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import BusError, MessageError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Graph, ProcessBus, Received
+    from tactile_nodes.bus.protocol import Endpoint, Graph, ProcessBus, Received
 
 Number = TypeVar('Number', int, float)
 LOOK_S = 0.1
@@ -144,11 +144,11 @@ def type_of_topic(graph: Graph, topic: str) -> str:
     return found[0]
 
 
-def compare_types(graph: Graph, topic: str, type_name: str) -> None:
-    """Say on stderr that `topic` is used with other types alone: nothing is exchanged with its nodes."""
-    found = graph.topics().get(topic, [type_name])
-    if type_name not in found:
-        print(f'{topic} has the type {", ".join(found)}, not {type_name}', file=sys.stderr, flush=True)
+def compare_types(ends: list[Endpoint], type_name: str) -> None:
+    """Say on stderr that the other `ends` of a topic have other types alone: nothing is exchanged with them."""
+    found = sorted({end.type_name for end in ends})
+    if found and type_name not in found:
+        print(f'{ends[0].name} has the type {", ".join(found)}, not {type_name}', file=sys.stderr, flush=True)
 
 
 def type_of_service(graph: Graph, service: str) -> str:

@@ -78,7 +78,7 @@ def echo(arguments: argparse.Namespace) -> int:
     printed = 0
     with joined() as bus:
         type_name = full_type(arguments.type) if arguments.type else awaited_type(bus, topic, timeout_s)
-        compare_types(bus.graph(), topic, type_name)
+        compare_types(bus.graph().publishers(topic), type_name)
         subscription = bus.subscribe(topic, type_name, queue_of(topic), own_name())
         gaps = SequenceGaps()
         for received in arriving(subscription, timeout_s and max(0.0, begun_s + timeout_s - monotonic_s())):

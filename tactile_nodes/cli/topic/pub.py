@@ -78,13 +78,13 @@ def publish(arguments: argparse.Namespace) -> int:
     node = absolute(arguments.node_name, 'a node') if arguments.node_name else own_name()
     with joined() as bus:
         make_message(type_name, values, bus.clock)  # report wrong fields before waiting for subscribers
-        compare_types(bus.graph(), topic, type_name)
         publisher = bus.advertise(topic, type_name, default_qos(topic), node)
         if arguments.node_name:
             bus.add_node(node)
         wanted = arguments.wait_matching_subscriptions
-        wanted = bool(arguments.once or arguments.times) if wanted is None else wanted
-        _wait_for_listeners(publisher, bus.clock, int(wanted), arguments.max_wait_time_secs)
+        if wanted if wanted is not None else arguments.once or arguments.times:
+            compare_types(bus.graph().subscriptions(topic), type_name)
+            _wait_for_listeners(publisher, bus.clock, wanted or 1, arguments.max_wait_time_secs)
         print('publisher: beginning loop', flush=True)
         _publish_all(bus, publisher, values, arguments)
     return 0
