@@ -82,9 +82,11 @@ def publish(arguments: argparse.Namespace) -> int:
         if arguments.node_name:
             bus.add_node(node)
         wanted = arguments.wait_matching_subscriptions
-        if wanted if wanted is not None else arguments.once or arguments.times:
+        if wanted is None:
+            wanted = int(bool(arguments.once or arguments.times))
+        if wanted:
             compare_types(bus.graph().subscriptions(topic), type_name)
-            _wait_for_listeners(publisher, bus.clock, wanted or 1, arguments.max_wait_time_secs)
+            _wait_for_listeners(publisher, bus.clock, wanted, arguments.max_wait_time_secs)
         print('publisher: beginning loop', flush=True)
         _publish_all(bus, publisher, values, arguments)
     return 0
