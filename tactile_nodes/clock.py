@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Protocol
@@ -98,10 +99,15 @@ def wall_ns() -> int:
 def anchor_ns() -> int:
     """The offset between CLOCK_MONOTONIC and the dates of this boot, the same for every process of this user.
 
-    The first process after a boot measures it and writes it to the run folder, where the others read it.
+    The first process after a boot measures it and writes it to the run folder, where the others read it. Just after a
+    login those that ran before still have it in another folder.
     """
-    measured_ns = time.time_ns() - time.monotonic_ns()
-    return _first_written(_anchor_file(), measured_ns)
+    measured_ns, file = time.time_ns() - time.monotonic_ns(), _anchor_file()
+    for folder in paths.run_directories():
+        with suppress(OSError, ValueError):
+            if folder.stat().st_uid == os.getuid():
+                return _first_written(file, int((folder / file.name).read_text(encoding='ascii')))
+    return _first_written(file, measured_ns)
 
 
 def keep_anchor() -> None:

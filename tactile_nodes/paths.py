@@ -67,12 +67,16 @@ def run_directory() -> Path:
     Raises:
         ConfigurationError: the folder belongs to another user, or others may enter it.
     """
+    return _private(run_directories()[0])
+
+
+def run_directories() -> list[Path]:
+    """The folder that `run_directory` names now, and those that it names after the last logout."""
     if chosen := os.environ.get('TACTILE_RUN_DIR'):
-        return _private(Path(chosen).expanduser().absolute())
-    for base in (os.environ.get('XDG_RUNTIME_DIR'), f'{_LOGINS}/{os.getuid()}'):
-        if base and _is_own(Path(base)):
-            return _private(Path(base) / 'tactile')
-    return _private(Path(tempfile.gettempdir()) / f'tactile-{os.getuid()}')
+        return [Path(chosen).expanduser().absolute()]
+    bases = (os.environ.get('XDG_RUNTIME_DIR'), f'{_LOGINS}/{os.getuid()}')
+    logins = [Path(base) / 'tactile' for base in bases if base and _is_own(Path(base))]
+    return [*logins, Path(tempfile.gettempdir()) / f'tactile-{os.getuid()}']
 
 
 def is_short_enough(folder: Path) -> bool:

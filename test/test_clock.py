@@ -67,6 +67,21 @@ def test_of_many_who_come_first_one_is_believed(place: Path) -> None:
     assert len(list(place.iterdir())) == 1
 
 
+def test_who_logs_in_uses_the_anchor_of_a_service_that_runs_since_the_boot(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The service comes to the folder of the login half a second later; its stamps stay as they are."""
+    monkeypatch.delenv('TACTILE_RUN_DIR')
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(place / 'login'))
+    monkeypatch.setattr('tactile_nodes.paths._LOGINS', str(place / 'none'))
+    monkeypatch.setattr('tempfile.tempdir', str(place))
+    of_service = clock.anchor_ns()
+    clock.anchor_ns.cache_clear()
+    (place / 'login').mkdir()
+    assert clock.anchor_ns() == of_service
+    assert int(_anchor_file(place / 'login/tactile').read_text()) == of_service
+
+
 @pytest.mark.parametrize('text', ['', 'garbage', '1.5', '\udcff'])
 def test_damaged_anchor_is_said_anew(place: Path, text: str) -> None:
     clock.anchor_ns()

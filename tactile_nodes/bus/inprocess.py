@@ -59,7 +59,8 @@ class InProcessBus:
             self._check_open()
             # A new list instead of an append, because `deliver` iterates over the old one without the lock.
             self._subscriptions[subscription.topic] = [*self._subscriptions.get(subscription.topic, ()), subscription]
-            latched = [publisher.last for publisher in self._publishers if _feeds(publisher, subscription)]
+            key = (subscription.topic, subscription.type_name)
+            latched = [each.last for each in self._publishers if (each.topic, each.type_name) == key]
         for received in latched:
             if received is not None:
                 subscription.put(received)
@@ -299,7 +300,3 @@ def answer_to(answer: Future[Any]) -> Callable[[Any], None]:
             answer.set_result(response)
 
     return reply
-
-
-def _feeds(publisher: LocalPublisher, subscription: Subscription) -> bool:
-    return publisher.topic == subscription.topic and publisher.type_name == subscription.type_name

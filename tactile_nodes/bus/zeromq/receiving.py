@@ -51,7 +51,7 @@ class Hub(Loop):
     def welcome(self, subscription: Subscription) -> None:
         """Give the latched messages that came before `subscription` was made; in this thread."""
         receiver = self._receivers.get((subscription.topic, subscription.type_name))
-        for received in receiver.latched() if receiver is not None else ():
+        for received in receiver.latched.values() if receiver is not None else ():
             subscription.put(received)
 
     def wait_ms(self) -> int:
@@ -132,7 +132,7 @@ class Receiver:
         self._connected: dict[str, Outlet] = {}
         self._leaving_s: dict[str, float] = {}
         self._senders: dict[bytes, Outlet] = {}
-        self._latched: dict[str, Received] = {}
+        self.latched: dict[str, Received] = {}  # the last message of each latched publisher
 
     def connect_to(self, outlets: list[Outlet]) -> None:
         """Be connected to these, and for a moment still to those who have gone."""
@@ -149,9 +149,9 @@ class Receiver:
                 del self._leaving_s[address], self._connected[address]
         self._connected.update(wanted)
         self._senders = {outlet.gid.encode(): outlet for outlet in self._connected.values()}
-        gone = self._latched.keys() - {outlet.gid for outlet in outlets}
+        gone = self.latched.keys() - {outlet.gid for outlet in outlets}
         for gid in gone:
-            del self._latched[gid]
+            del self.latched[gid]
 
     def _one_each(self, outlets: list[Outlet]) -> Iterable[Outlet]:
         """One way to each publisher: by two, what the quicker one brings would overtake, and so lose, the slower's."""
@@ -161,10 +161,6 @@ class Receiver:
             if stays or outlet.gid not in chosen:
                 chosen[outlet.gid] = outlet
         return chosen.values()
-
-    def latched(self) -> list[Received]:
-        """The last message of each latched publisher."""
-        return list(self._latched.values())
 
     def take_in(self) -> None:
         """Take one message, without waiting; then the others have their turn, and who waited for this one."""
@@ -183,7 +179,7 @@ class Receiver:
             return
         received = Received(self.type_name, outlet.gid, header.sequence, header.source_ns, now_ns, data=data)
         if outlet.latched:
-            self._latched[outlet.gid] = received
+            self.latched[outlet.gid] = received
         self._bus.deliver(self.topic, received)
 
     def _rest(self) -> list[zmq.Frame]:

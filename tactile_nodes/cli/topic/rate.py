@@ -25,14 +25,8 @@ Meter: TypeAlias = 'Rate | Delay | Bandwidth'
 def add(verbs: Verbs) -> None:
     _add(verbs, 'hz', 10000, Rate, 'print the rate of incoming messages', '  tactile topic hz /image_raw\n')
     _add(verbs, 'bw', 100, Bandwidth, 'print the bandwidth of incoming messages', '  tactile topic bw /image_raw\n')
-    _add(
-        verbs,
-        'delay',
-        10000,
-        Delay,
-        "print the time from a message's stamp to its arrival",
-        '  tactile topic delay /force_distribution       capture of the image to here\n',
-    )
+    example = '  tactile topic delay /force_distribution       capture of the image to here\n'
+    _add(verbs, 'delay', 10000, Delay, "print the time from a message's stamp to its arrival", example)
 
 
 def _add(verbs: Verbs, name: str, window: int, meter: Callable[[int], Meter], line: str, examples: str) -> None:
