@@ -253,7 +253,7 @@ class Ros2Bus:
         if abs(apart_ns) > _CLOCKS_APART_NS:
             self._looker.get_logger().warning(
                 f'stamps of this package are {apart_ns / NS_PER_S:+.3f} s from the wall clock that other nodes use: '
-                'it was set after the first program of this boot; end all programs and remove clock-* in the run folder'
+                'it was set after the first program of this boot; end all programs and remove clock-* (docs/ros2.md)'
             )
 
 
