@@ -132,6 +132,7 @@ class Receiver:
         self._connected: dict[str, Outlet] = {}
         self._leaving_s: dict[str, float] = {}
         self._senders: dict[bytes, Outlet] = {}
+        self._other: set[str] = set()
         self.latched: dict[str, Received] = {}  # the last message of each latched publisher
 
     def connect_to(self, outlets: list[Outlet]) -> None:
@@ -149,9 +150,8 @@ class Receiver:
                 del self._leaving_s[address], self._connected[address]
         self._connected.update(wanted)
         self._senders = {outlet.gid.encode(): outlet for outlet in self._connected.values()}
-        gone = self.latched.keys() - {outlet.gid for outlet in outlets}
-        for gid in gone:
-            del self.latched[gid]
+        for gone in self.latched.keys() - {outlet.gid for outlet in outlets}:
+            del self.latched[gone]
 
     def _one_each(self, outlets: list[Outlet]) -> Iterable[Outlet]:
         """One way to each publisher: by two, what the quicker one brings would overtake, and so lose, the slower's."""
@@ -194,6 +194,9 @@ class Receiver:
         if outlet is None:
             raise MessageError('a message of an unannounced publisher')
         if header.type_key != self._key:
+            if outlet.address not in self._other:
+                self._other.add(outlet.address)
+                sys.stderr.write(f'{self.topic} has another version of {self.type_name}: update the older program\n')
             raise MessageError('a message of another type, or of another version of it')
         return header, outlet
 

@@ -96,6 +96,16 @@ def _still_hears(subscription: Subscription, forger: Forger) -> None:
     assert received.message.data == 42
 
 
+def test_messages_of_another_version_of_their_type_are_told_of_once(
+    forger: Forger, subscription: Subscription, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A controller in an environment of its own, with an older package, gets no forces."""
+    for number in (1, 2):
+        forger.send([wire.pack_header(Forger.gid.encode(), wire.type_key(IMAGE), number, 1), b''])
+    _still_hears(subscription, forger)
+    assert capfd.readouterr().err == '/n has another version of std_msgs/msg/Int64: update the older program\n'
+
+
 @pytest.mark.parametrize(
     'frames',
     [
