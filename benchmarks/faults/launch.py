@@ -94,7 +94,7 @@ class Bench:
             limits=self.limits, anchor=self.anchor,
         )  # fmt: skip
         devices.write_text(text, encoding='ascii')
-        return ['rig:=emulated', f'devices:={devices}', f'plan_file:={plan}', f'folder:={self.folder}']
+        return ['rig:=emulated', f'devices:={devices}', f'plan:={plan}', f'folder:={self.folder}']
 
 
 def free_ports() -> tuple[int, int, int]:

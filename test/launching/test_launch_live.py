@@ -51,3 +51,21 @@ def test_nodes_are_reported_compiled_loops_only_where_somebody_chose(
     commands = interpret(yaml.safe_dump([{'include': included}])).commands
     [sensing] = [words for words in commands if 'flow_features' in words]
     assert [word for word in sensing if word.startswith('compiled:=')] == handed
+
+
+@pytest.mark.parametrize('name', ['collect', 'calibrate'])
+@pytest.mark.parametrize('rig', ['simulated', 'emulated', 'real'])
+def test_a_plan_of_ones_own_reaches_the_rig_as_one_that_ships_does(interpret, name: str, rig: str):
+    given = {'rig': rig, 'plan': 'mine.yaml', 'devices': paths.share_directory() / 'config/rigs/example.yaml'}
+    arguments = [{'name': key, 'value': str(value)} for key, value in given.items()]
+    included = {'file': str(paths.share_directory() / 'launch' / f'{name}.launch.yaml'), 'arg': arguments}
+    commands = interpret(yaml.safe_dump([{'include': included}])).commands
+    plans = [
+        values['ros__parameters']['plan_file']
+        for words in commands
+        for option, file in itertools.pairwise(words)
+        if option == '--params-file'
+        for values in yaml.safe_load(Path(file).read_text()).values()
+        if 'plan_file' in values['ros__parameters']
+    ]
+    assert plans == ['mine.yaml']

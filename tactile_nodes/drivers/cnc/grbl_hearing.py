@@ -265,7 +265,7 @@ class GrblHearing:
         self.link.send(JOG_CANCEL if self._motion.jogging else HOLD)
 
     def _alarmed(self, number: int) -> None:
-        if number == HOMING_REQUIRED:  # aborts nothing: grblHAL sends it after a start, because it is locked
+        if number in HOMING_REQUIRED:  # aborts nothing: sent after a start, because it is locked
             return
         self.alarm = number
         fault = f'is locked by {alarm_text(number)}; check it, then home it'

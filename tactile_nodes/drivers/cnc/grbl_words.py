@@ -27,7 +27,7 @@ ALARMS = {
     9: 'no limit switch was found while it homed', 10: 'an emergency stop or a failed dual axis',
 }  # fmt: skip
 KEEPS_PLACE = frozenset({4, 5})
-HOMING_REQUIRED = 11
+HOMING_REQUIRED = frozenset({11, 14})  # of grblHAL, of FluidNC
 NEEDS_RESET = frozenset({1, 2, 10})
 STATES = {
     'Idle': CncState.IDLE, 'Run': CncState.RUN, 'Jog': CncState.JOG, 'Hold': CncState.HOLD, 'Home': CncState.HOME,

@@ -252,6 +252,16 @@ def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
     assert cnc.description['notes'] == ''
 
 
+def test_a_fluidnc_that_reports_after_its_banner_that_it_is_not_homed_is_connected() -> None:
+    """Its alarm 14 comes some milliseconds after the banner, so during the first question (Protocol.cpp)."""
+    (question, answer), *rest = fluidnc()
+    late = (question, b'[MSG:INFO: ALARM: Unhomed]\r\nALARM:14\r\n' + answer)
+    locked = (b'?', IDLE.replace(b'Idle', b'Alarm'))
+    cnc = play([late, locked, *rest[1:]], nothing, first=FLUIDNC_BANNER, **BOX)
+    assert cnc.health.level is Level.WARN
+    assert 'not homed' in cnc.health.message
+
+
 @pytest.mark.parametrize(
     ('differs', 'guard'),
     [
