@@ -20,6 +20,7 @@ from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.safety import MACHINE, SILENT_MACHINE, Safety, Trip
 from tactile_nodes.collection.settings import MotionSettings
 from tactile_nodes.drivers.cnc.contract import Cnc, CncStatus, Place, Switched
+from tactile_nodes.drivers.cnc.envelope import way_between
 from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 
@@ -249,10 +250,11 @@ class Hands:
             raise DeviceFaultError('the position of the machine is unknown; home it before anything moves')
         x, y, z = start.position_mm
         target = (x if go.x is None else go.x, y if go.y is None else go.y, z if go.z is None else go.z)
+        feed = self.cnc.feed_along(way_between(start.position_mm, target), go.feed_mm_min)
         busy_until_ns = self.clock.now_ns()
-        for way, seconds in self._pieces(start.position_mm, target, go.feed_mm_min):
+        for way, seconds in self._pieces(start.position_mm, target, feed):
             self.check()
-            self.cnc.jog(*way, feed=go.feed_mm_min)
+            self.cnc.jog(*way, feed=feed)
             if self.safety.trip is not None:  # the guard may have stopped the machine just before this jog was sent
                 self.cnc.stop()
             busy_until_ns = max(busy_until_ns, self.clock.now_ns()) + round(seconds * NS_PER_S)

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
 import pytest
-from rehearsing import Run, changed
+from jumping_clock import JumpingClock
+from rehearsing import TABLE, Run, changed
 
 from benchmarks.devices import rehearsal
 from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.actions import Switch
-from tactile_nodes.collection.hands import TrippedError
+from tactile_nodes.collection.actions import Go, Switch
+from tactile_nodes.collection.hands import Hands, TrippedError
 from tactile_nodes.collection.plan.plan import PlanSettings
-from tactile_nodes.collection.safety import FORCE
+from tactile_nodes.collection.readings import Readings
+from tactile_nodes.collection.safety import FORCE, Safety
+from tactile_nodes.collection.settings import LimitSettings, MotionSettings
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, CncStatus, Switched
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.emulators.cnc.grbl import Grbl
+from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
 from tactile_nodes.emulators.world import World
 from tactile_nodes.errors import DeviceFaultError
 
@@ -127,3 +132,22 @@ def test_force_that_comes_with_the_last_question_of_an_action_is_the_reason(tmp_
     with pytest.raises(TrippedError, match='a sample during the last question'):
         rig.hands.perform(Switch(True))
     assert not rig.hands.machine_failed
+
+
+def test_on_axes_slower_than_the_feed_no_more_than_two_jogs_are_sent_ahead() -> None:
+    """500 mm/min is Grbl's own default: 59 mm at 1200 mm/min would be 3 s, and are 7 s."""
+    clock, world, on_its_own_mm = JumpingClock(1_700_000_000_000_000_000), World(table=TABLE), []
+    device = Grbl(world, clock, GrblSettings(changes=('$110=500',)))
+    cnc = GrblCnc(CncSettings('the port'), clock, lambda: DirectPort(device, clock), threaded=False)
+
+    def look(status: CncStatus) -> None:
+        soon, later = (world.motor_at(clock.now_ns() + wait_ns) for wait_ns in (520_000_000, 20_000_000_000))
+        on_its_own_mm.append(math.dist(soon, later))
+
+    cnc.connect()
+    cnc.home()
+    hands = Hands(cnc, clock, Safety(LimitSettings()), Readings(), MotionSettings(), look)
+    hands.perform(Go(x=-60.0, feed_mm_min=1200.0))
+    assert cnc.status().position_mm[0] == -60.0
+    assert len(on_its_own_mm) > 20
+    assert max(on_its_own_mm) < 0.1

@@ -147,6 +147,10 @@ class Cnc(Protocol):
         """The longest allowed jog, if a longer one could not be stopped in time; None: any length."""
         ...
 
+    def feed_along(self, way: Place, feed: float) -> float:
+        """The feed along a way if this one is commanded, because no axis goes faster than its own limit."""
+        ...
+
     def connect(self) -> None:
         """Open, identify and check it, without motion and without changing settings.
 

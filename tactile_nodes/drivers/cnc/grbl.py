@@ -21,6 +21,7 @@ from tactile_nodes.drivers.cnc.grbl_check import (
     check,
     identity_of,
     of_fluidnc,
+    speeds_of,
     travel,
     without_homing,
 )
@@ -91,11 +92,12 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._homed = True
         self._rests_at(self.status().position_mm)
         rules = self._rules()
-        up = f'$J=G21 G90 G53 Z{rules.safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
+        feed = self.feed_along((0.0, 0.0, 1.0), self._settings.retract_mm_min)
+        up = f'$J=G21 G90 G53 Z{rules.safe_z_mm:.3f} F{feed:.1f}\n'.encode('ascii')
         # A hold, the first half of a stop, refuses all jogs until a reset, which keeps the position only at rest: when
         # the tip is up. The next program waits for the port for 20 s.
         way_mm = rules.safe_z_mm - rules.envelope.lowest_mm[2]
-        up_s = min(REST_S + 60 * way_mm / self._settings.retract_mm_min, LONGEST_WAY_S)
+        up_s = min(REST_S + 60 * way_mm / feed, LONGEST_WAY_S)
         self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES, (up_s, RESET), *[(ALONE_S, up)] * 2])
 
     def stop(self) -> None:
@@ -183,6 +185,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._warnings = tuple(check(self._name, self._identity, self._memory, self._settings))
         self._guard = guard(self._settings, travel(self._identity, self._memory))
         self._acceleration = acceleration_of(self._memory, self._acceleration)
+        self._speeds = speeds_of(self._memory)
         dialogue.reports.factor = inches(self._memory.get(13, '0'))
 
     def _value_of(self, dialogue: GrblDialogue, key: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 from tactile_nodes.drivers.cnc.contract import (
@@ -11,6 +12,7 @@ from tactile_nodes.drivers.cnc.contract import (
     CncSettings,
     Envelope,
     Identity,
+    Place,
 )
 from tactile_nodes.errors import DeviceFaultError
 
@@ -128,6 +130,12 @@ def acceleration_of(memory: Mapping[int, str], otherwise: float) -> float:
     """The smallest acceleration of any axis in mm/s²."""
     found = [_number(memory, number) for number in (120, 121, 122)]
     return min((value for value in found if value > 0), default=otherwise)
+
+
+def speeds_of(memory: Mapping[int, str]) -> Place:
+    """The largest speed of each axis in mm/s; infinite where it is unknown."""
+    x, y, z = (_number(memory, number) / 60 or math.inf for number in (110, 111, 112))
+    return (x, y, z)
 
 
 def without_homing(memory: Mapping[int, str], settings: CncSettings) -> bool:

@@ -11,7 +11,6 @@ from tactile_nodes.drivers.cnc.envelope import describe_place
 from tactile_nodes.drivers.cnc.grbl_words import (
     BANNER,
     HOMING_REQUIRED,
-    KEEPS_PLACE,
     NEEDS_RESET,
     Report,
     alarm_text,
@@ -268,11 +267,7 @@ class GrblHearing:
         if number in HOMING_REQUIRED:  # aborts nothing: sent after a start, because it is locked
             return
         self.alarm = number
-        fault = f'is locked by {alarm_text(number)}; check it, then home it'
-        if number in KEEPS_PLACE:
-            self.fault, self.obeys_upwards = fault, False
-        else:
-            self.lose_place(fault)
+        self.lose_place(f'is locked by {alarm_text(number)}; check it, then home it')
         self.abandon(f'was aborted by {alarm_text(number)}')
 
     def _restarted(self, line: str) -> None:

@@ -22,11 +22,10 @@ ERRORS = {
 }  # fmt: skip
 ALARMS = {
     1: 'a limit switch was hit', 2: 'a target beyond the soft limits', 3: 'a reset while it moved',
-    4: 'the probe was closed before it started', 5: 'the probe did not close', 6: 'a reset while it homed',
-    7: 'the door was opened while it homed', 8: 'a limit switch stayed closed while it homed',
-    9: 'no limit switch was found while it homed', 10: 'an emergency stop or a failed dual axis',
+    6: 'a reset while it homed', 7: 'the door was opened while it homed',
+    8: 'a limit switch stayed closed while it homed', 9: 'no limit switch was found while it homed',
+    10: 'an emergency stop or a failed dual axis',
 }  # fmt: skip
-KEEPS_PLACE = frozenset({4, 5})
 HOMING_REQUIRED = frozenset({11, 14})  # of grblHAL, of FluidNC
 NEEDS_RESET = frozenset({1, 2, 10})
 STATES = {

@@ -30,6 +30,7 @@ class GuardedCnc(Cnc):
         self._busy_until_ns = 0
         self._cruising_until_ns = 0
         self._acceleration = UNKNOWN_ACCELERATION
+        self._speeds: Place = (math.inf, math.inf, math.inf)  # largest of each axis, in mm/s
 
     @property
     def limits(self) -> Envelope:
@@ -38,6 +39,11 @@ class GuardedCnc(Cnc):
     @property
     def blind_step_mm(self) -> float | None:
         return None
+
+    def feed_along(self, way: Place, feed: float) -> float:
+        length = math.hypot(*way)
+        limits = zip(self._speeds, way, strict=True)
+        return min([feed, *(60 * most * length / abs(mm) for most, mm in limits if mm)])
 
     def move(self, x: float | None = None, y: float | None = None, z: float | None = None, *, feed: float) -> None:
         rules, start = self._rules(), self._known_place()
@@ -139,15 +145,11 @@ class GuardedCnc(Cnc):
 
     def _expect(self, way: Place, feed: float) -> None:
         length = math.hypot(*way)
-        speed = self._speed(way, length, feed / 60)
+        speed = self.feed_along(way, feed) / 60
         duration_s = length / speed + speed / self._acceleration
         now_ns = self._clock.now_ns()
         self._busy_until_ns = max(now_ns, self._busy_until_ns) + round(duration_s * NS_PER_S)
         self._cruising_until_ns = max(now_ns, self._cruising_until_ns) + round(length / speed * NS_PER_S)
-
-    def _speed(self, way: Place, length: float, speed: float) -> float:  # noqa: ARG002
-        """Speed of the tip in mm/s along a way, for a commanded speed."""
-        return speed
 
     @property
     def _surely_moving(self) -> bool:

@@ -66,13 +66,6 @@ class AxisSettings:
             return None
         return max(round(abs(mm) * each) for mm, each in zip(way, self.steps_per_mm, strict=True))
 
-    def speed(self, way: Place, length: float, speed: float) -> float:
-        """Speed of the tip along a way of that length, for a commanded speed, limited by the speed of each axis."""
-        if self.speeds is None:
-            return speed
-        shares = [abs(mm) / length for mm in way] if length else []
-        return min([speed, *(most / share for most, share in zip(self.speeds, shares, strict=bool(shares)) if share)])
-
 
 def axis_settings(lines: list[str]) -> AxisSettings:
     """From the responses to `QUESTIONS`; empty if there are none."""
@@ -146,6 +139,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             dialogue.ask(line, self._settings.answer_s)
         self._axes = self._query_settings(dialogue)
         self._acceleration = self._axes.acceleration or UNKNOWN_ACCELERATION
+        self._speeds = self._axes.speeds or self._speeds
         dialogue.polling = True
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
@@ -258,9 +252,6 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             if axis_settings(lines).tells_times:
                 break
         return axis_settings(lines)
-
-    def _speed(self, way: Place, length: float, speed: float) -> float:
-        return self._axes.speed(way, length, speed)
 
     def _placed(self, lines: list[str], stamp_ns: int) -> None:
         """Compare a reported position with the commanded motion; in the listening thread."""

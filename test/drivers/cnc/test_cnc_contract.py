@@ -40,6 +40,15 @@ def test_it_says_what_it_is(rig: Rig) -> None:
     assert rig.cnc.description['source']
 
 
+@pytest.mark.parametrize('kind', ['grbl', 'marlin'])
+def test_the_feed_along_a_way_is_limited_by_its_slowest_axis(kind: str) -> None:
+    """Along a diagonal of x and z, z goes by 1/√2 of the feed: 1200 mm/min of it are 1697 mm/min along the way."""
+    cnc = direct_rig(kind).cnc
+    cnc.connect()
+    assert cnc.feed_along((1.0, 0.0, -1.0), 2000.0) == pytest.approx(1697.06, abs=0.01)
+    assert cnc.feed_along((1.0, -1.0, 0.0), 2000.0) == 2000.0
+
+
 def test_nothing_moves_by_connecting(rig: Rig) -> None:
     assert rig.world.tip_at(rig.clock.now_ns()) == rig.world.settings.start_mm
     assert not rig.cnc.status().homed

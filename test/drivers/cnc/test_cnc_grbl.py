@@ -66,6 +66,13 @@ def rig() -> Rig:
     return homed_rig('grbl')
 
 
+def test_a_move_that_is_sent_faster_than_an_axis_goes_is_waited_for() -> None:
+    """500 mm/min is Grbl's own default: 40 mm at 2000 mm/min would be 1.2 s, and are 4.8 s."""
+    rig = homed_rig('grbl', changes=('$112=500',))
+    rig.go(-60, -60, -45)
+    assert rig.tip[2] == pytest.approx(-45.0)
+
+
 # Transcripts.
 
 

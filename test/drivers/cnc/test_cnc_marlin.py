@@ -297,16 +297,12 @@ def test_settings_of_the_axes_are_read_as_marlin_reports_them(before: str) -> No
     settings = axis_settings([before + line for line in SETTINGS.decode().splitlines()])
     assert settings == AxisSettings((80.0, 80.0, 400.0), (300.0, 300.0, 5.0), 100.0)
     assert settings.steps((0.05, 0.0, -0.05)) == 20
-    # Along a diagonal of x and z, z goes by 1/√2 of the speed: 5 mm/s of it are 7.07 mm/s along the way.
-    assert settings.speed((1.0, 0.0, -1.0), 2**0.5, 10.0) == pytest.approx(7.071, abs=0.001)
-    assert settings.speed((1.0, 0.0, 0.0), 1.0, 10.0) == 10.0
 
 
 @pytest.mark.parametrize('lines', [[], ['echo:Unknown command: "M503"'], ['M203 X0.00 Y300.00 Z5.00']])
 def test_settings_that_are_not_reported_are_not_known(lines: list[str]) -> None:
     settings = axis_settings(lines)
     assert (settings.steps((1.0, 0.0, 0.0)), settings.tells_times) == (None, False)
-    assert settings.speed((0.0, 0.0, 1.0), 1.0, 10.0) == 10.0
 
 
 @pytest.mark.parametrize('kind', ['marlin', 'marlin without M503', 'marlin legacy'])
