@@ -38,6 +38,7 @@ from tactile_nodes.errors import DeviceFaultError
 LIMIT_N = 0.4
 SAFE_Z_MM, ABOVE_MM, DEEP_MM = -26.0, 0.3, 2.5
 TRAVEL_MM_MIN = 1200.0
+BRAKE_MM_S2 = 200.0  # $120 to $122 of the emulated Grbl
 TARE_S, FEWEST = 0.2, 50
 PATIENCE = 20
 WORST = ('p50', 'p99', 'worst')
@@ -144,7 +145,7 @@ def feeds_table(result: Mapping[str, Any]) -> str:
     for feed, found in result['feeds'].items():
         numbers = {name: each for name, each in found.items() if isinstance(each, dict)}
         rows += [[f'{feed}: {name}', *(f'{each[of]:.3f}' for of in WORST)] for name, each in numbers.items()]
-        allowed_mm = stopping_mm(CollectionSettings(), float(feed.split()[0]))
+        allowed_mm = stopping_mm(CollectionSettings(), float(feed.split()[0]), BRAKE_MM_S2)
         rows.append([f'{feed}: distance assumed by the speed limit [mm]', '', '', f'{allowed_mm:.3f}'])
         others = f'{found["not the first command"]} of {found["stops"]}'
         rows.append([f'{feed}: stops with other commands before them', '', '', others])

@@ -22,7 +22,6 @@ class LimitSettings:
     stop_ms: float = parameter(
         75.0, 'longest time from a force at the sensor to the braking of the machine', minimum=1.0
     )
-    brake_mm_s2: float = parameter(200.0, 'slowest deceleration of z (Grbl: $122) [mm/s²]', minimum=1.0)
     least_share: float = parameter(
         0.5,
         'fraction of the force expected from the surface search; less on the way down is a fault; 0.0: off',

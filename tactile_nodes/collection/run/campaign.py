@@ -86,7 +86,7 @@ class Campaign:
     ) -> None:
         check_depths(plan.points, settings)
         check_workspace(plan.points, settings, hands.cnc.limits)
-        check_speeds(settings, period_s, hands.cnc.blind_step_mm)
+        check_speeds(settings, hands.cnc, period_s)
         check_safe_height(settings, safe_z_mm)
         check_search_depth(settings)
         self._plan_id = plan.plan_id

@@ -101,7 +101,7 @@ class GuardedRun:
         nothing: Callable[[object], None] = lambda _: None  # noqa: E731
         self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
         try:
-            check_speeds(s, longest_period_s(self.station.sensor), self.station.cnc.blind_step_mm)
+            check_speeds(s, self.station.cnc, longest_period_s(self.station.sensor))
             check_approach(s.x_mm, s.y_mm, s.guard.travel_mm, s, self.station.cnc.limits)
             self._record = MachineRecord(record_file(s.cnc.source, None))
         except BaseException:

@@ -125,7 +125,13 @@ class Switched:
 
 
 class Cnc(Protocol):
-    """A machine that moves the tip. `stop` may be called from any thread, the rest from one at a time."""
+    """A machine that moves the tip. `stop` may be called from any thread, the rest from one at a time.
+
+    Attributes:
+        deceleration_mm_s2: with which it stops, as its controller reports; a cautious guess if it does not.
+    """
+
+    deceleration_mm_s2: float
 
     @property
     def description(self) -> Mapping[str, str]:

@@ -184,7 +184,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
             self._memory |= of_fluidnc(lambda key: self._value_of(dialogue, key))
         self._warnings = tuple(check(self._name, self._identity, self._memory, self._settings))
         self._guard = guard(self._settings, travel(self._identity, self._memory))
-        self._acceleration = acceleration_of(self._memory, self._acceleration)
+        self.deceleration_mm_s2 = acceleration_of(self._memory, self.deceleration_mm_s2)
         self._speeds = speeds_of(self._memory)
         dialogue.reports.factor = inches(self._memory.get(13, '0'))
 

@@ -12,7 +12,7 @@ from tactile_nodes.drivers.cnc.motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
 ARRIVED_MM = 0.02
-UNKNOWN_ACCELERATION = 50.0  # mm/s², for the time limit of motion
+UNKNOWN_ACCELERATION = 50.0  # mm/s²
 MARGIN = 1.5
 
 
@@ -29,7 +29,7 @@ class GuardedCnc(Cnc):
         self._motion = Motion()
         self._busy_until_ns = 0
         self._cruising_until_ns = 0
-        self._acceleration = UNKNOWN_ACCELERATION
+        self.deceleration_mm_s2 = UNKNOWN_ACCELERATION
         self._speeds: Place = (math.inf, math.inf, math.inf)  # largest of each axis, in mm/s
 
     @property
@@ -146,7 +146,7 @@ class GuardedCnc(Cnc):
     def _expect(self, way: Place, feed: float) -> None:
         length = math.hypot(*way)
         speed = self.feed_along(way, feed) / 60
-        duration_s = length / speed + speed / self._acceleration
+        duration_s = length / speed + speed / self.deceleration_mm_s2
         now_ns = self._clock.now_ns()
         self._busy_until_ns = max(now_ns, self._busy_until_ns) + round(duration_s * NS_PER_S)
         self._cruising_until_ns = max(now_ns, self._cruising_until_ns) + round(length / speed * NS_PER_S)

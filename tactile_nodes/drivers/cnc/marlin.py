@@ -138,7 +138,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
         self._axes = self._query_settings(dialogue)
-        self._acceleration = self._axes.acceleration or UNKNOWN_ACCELERATION
+        self.deceleration_mm_s2 = self._axes.acceleration or UNKNOWN_ACCELERATION
         self._speeds = self._axes.speeds or self._speeds
         dialogue.polling = True
 

@@ -53,6 +53,7 @@ class SimulatedCnc(GuardedCnc):
     def __init__(self, settings: CncSettings, clock: Clock, machine: Machine) -> None:
         super().__init__(settings, clock, 'the simulated CNC')
         self._machine = machine
+        self.deceleration_mm_s2 = DECELERATION
         self._origin: Place = (0.0, 0.0, 0.0)
         self._arrival_ns = 0
         self._stops = 0

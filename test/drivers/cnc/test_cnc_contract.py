@@ -49,6 +49,10 @@ def test_the_feed_along_a_way_is_limited_by_its_slowest_axis(kind: str) -> None:
     assert cnc.feed_along((1.0, -1.0, 0.0), 2000.0) == 2000.0
 
 
+def test_its_deceleration_is_known(rig: Rig) -> None:
+    assert rig.cnc.deceleration_mm_s2 == 200.0
+
+
 def test_nothing_moves_by_connecting(rig: Rig) -> None:
     assert rig.world.tip_at(rig.clock.now_ns()) == rig.world.settings.start_mm
     assert not rig.cnc.status().homed
