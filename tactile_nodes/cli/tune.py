@@ -85,9 +85,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not among:
         names = ', '.join(each.name for each in candidates())
         raise ConfigurationError(f'no configuration name contains {arguments.only!r}; available: {names}')
-    gel = Path(arguments.gel) if arguments.gel else None
+    described = [Path(each) for each in (arguments.gel, arguments.sensor) if each]
     for file in files_of(arguments.output, recorded=bool(arguments.bags)):
-        check_output(file, *arguments.bags, arguments.train, gel)
+        check_output(file, *arguments.bags, arguments.train, *described)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     source = _source(arguments)
     with on_cluster(arguments.on):

@@ -90,10 +90,11 @@ def test_a_name_that_is_not_of_a_model_is_refused_before_the_hours_of_work(
     assert 'must end in .safetensors' in capsys.readouterr().err
 
 
-def test_the_training_run_that_is_read_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize('option', ['--train', '--sensor'])
+def test_a_file_that_is_read_is_not_replaced(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The profile's own run has the name of the model, with .yaml."""
     run = tmp_path / 'mine.yaml'
     run.write_text('seed: 3\n')
-    words = ['tune', str(tmp_path / 'no_bag'), '--train', str(run), '--max-ms', '1']
+    words = ['tune', str(tmp_path / 'no_bag'), option, str(run), '--max-ms', '1']
     assert main([*words, '-o', str(tmp_path / 'mine.safetensors')]) == 1
     assert 'mine.yaml is read for it; choose another file' in capsys.readouterr().err
