@@ -134,8 +134,8 @@ def _base(arguments: argparse.Namespace) -> TrainConfig:
     config = load_train_config(arguments.train or ('recorded' if arguments.bags else 'fast'))
     # The tried configurations replace the flow and features of the run, so they are removed from it.
     config = dataclasses.replace(config, stated=frozenset())
-    if arguments.presses is not None and arguments.presses < 200:
-        raise ConfigurationError(f'--presses must be at least 200, got {arguments.presses}')
+    if arguments.presses is not None and arguments.presses < 20:
+        raise ConfigurationError(f'--presses must be at least 20, got {arguments.presses}')
     presses = SIMULATED_PRESSES if arguments.presses is None and arguments.train is None else arguments.presses
     data = config.data if presses is None else dataclasses.replace(config.data, presses=presses)
     if arguments.train is None:  # the validation set decides here; a tenth of few presses would be too noisy

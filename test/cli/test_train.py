@@ -142,8 +142,9 @@ def few(folder: Path, presses: int, untouched: int) -> str:
         # Of 64 samples a fifth, 13, is put aside for the test and a tenth of the others, 6, for validation.
         (
             'readout: response\nresponse: {components: 12, spacing_mm: 3.0, levels: 3}\n', 64, 0,
-            'but without the test set there are 0 and 45: 12 images of the untouched gel are missing; record more, or '
-            'take more of the untouched gel: into the table, or from the same bags (tactile dataset build … '
+            'but without the test set there are 0 and 45: 12 images of the untouched gel are missing; record more '
+            '(if simulated: --presses), or take more of the untouched gel: into the table, or from the same bags '
+            '(tactile dataset build … '
             '--without-contact 0.2); or ',
         ),
         (
@@ -207,3 +208,11 @@ def test_a_model_that_is_no_better_than_the_mean_is_written_only_if_forced(
     assert not (tmp_path / 'mine.safetensors').exists()
     assert main([*words, '--force']) == 0
     assert (tmp_path / 'mine.safetensors').exists()
+
+
+def test_too_few_simulated_presses_name_the_option_that_simulates_more(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = ['train', 'fast', '--presses', '20', '--plan', 'spread', '-o', str(tmp_path / 'few.safetensors')]
+    assert main([*words, '--runs', str(tmp_path / 'runs')]) == 1
+    assert 'are missing; record more (if simulated: --presses)' in capsys.readouterr().err

@@ -105,8 +105,7 @@ def _split(
     if min(tested, trained, groups - tested - trained) < 1:
         raise TooFewPressesError(
             f'{groups} presses or positions are too few for a test share of {test:g} and a validation share of '
-            f'{validation:g}; '
-            'record more'
+            f'{validation:g}; record more (if simulated: --presses)'
         )
     random = np.random.default_rng(seed)
     side = np.zeros(groups, np.int64)

@@ -48,7 +48,7 @@ def require_enough(aim: str, untouched: int, presses: int, least_presses: int, o
     missing = ' and '.join(f'{count} {name}' for count, name in lacking if count > 0)
     if missing:
         mends = [
-            'record more',
+            'record more (if simulated: --presses)',
             or_else if presses < least_presses else '',
             MORE_UNTOUCHED if untouched < LEAST_UNTOUCHED else '',
         ]
