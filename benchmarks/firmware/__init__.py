@@ -31,6 +31,7 @@ from tactile_nodes.errors import ConfigurationError, TactileError
 OBEYS = 'obeys'
 GRBL_GEL_MM, GRBL_UP_MM = (-20.0, -20.0, -20.0), -19.0
 MARLIN_GEL_MM, MARLIN_UP_MM = (20.0, 20.0, 20.0), 21.0
+GRBL_LOWEST_MM, GRBL_HIGHEST_MM = (-100.0, -100.0, -50.0), (0.0, 0.0, 0.0)  # FluidNC does not report them
 ATTEMPTS = 3
 MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 
@@ -55,7 +56,7 @@ def machines(arguments: argparse.Namespace) -> list[Machine]:
         ConfigurationError: none is named, or one has no name or no command.
     """
     accept = tuple(arguments.accept)
-    grbl = CncSettings(safe_z_mm=GRBL_UP_MM, accept=accept)
+    grbl = CncSettings(lowest_mm=GRBL_LOWEST_MM, highest_mm=GRBL_HIGHEST_MM, safe_z_mm=GRBL_UP_MM, accept=accept)
     marlin = CncSettings(
         kind='marlin',
         lowest_mm=MARLIN_LOWEST_MM,

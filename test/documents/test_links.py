@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGES = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').glob('**/*.md'))]
 LINK = re.compile(r'\]\((?!https?://)([^)#\s]*)(?:#([^)\s]*))?\)')
+
+STUDY = re.compile(r'`(?:PYTHONPATH=(\S+) )?python (test/\S+\.py)')
+STUDIES = sorted({found for page in PAGES for found in STUDY.findall(page.read_text(encoding='utf-8'))})
 
 
 def test_every_link_of_a_page_leads_to_a_file_and_a_heading() -> None:
@@ -44,3 +52,13 @@ def anchors(page: Path) -> set[str]:
     """Headings as they are linked to: lower case, blanks as dashes, no other marks."""
     titles = re.findall(r'(?m)^#+ (.*)$', page.read_text(encoding='utf-8'))
     return {re.sub(r'[^\w\- ]', '', title.lower()).strip().replace(' ', '-') for title in titles}
+
+
+@pytest.mark.parametrize(('searched', 'script'), STUDIES)
+def test_a_study_finds_its_modules_where_its_page_says(searched: str, script: str) -> None:
+    """As `python script` would, but without its measurements, which take minutes."""
+    folder = str((ROOT / script).parent)
+    code = f'import runpy, sys; sys.path[0] = {folder!r}; runpy.run_path({script!r}, run_name="read")'
+    environment = {**os.environ, 'PYTHONPATH': searched}
+    ended = subprocess.run([sys.executable, '-c', code], cwd=ROOT, env=environment, stderr=subprocess.PIPE, check=False)
+    assert not ended.returncode, ended.stderr.decode()

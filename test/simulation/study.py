@@ -1,4 +1,4 @@
-"""The numbers of docs/simulation.md: python test/simulation/study.py NAME, one of the functions at the end.
+"""The numbers of docs/simulation.md: PYTHONPATH=.:test python test/simulation/study.py NAME, a function at the end.
 
 Each takes a minute or two on one core, `touches` five. These are measurements, not tests; the tests check the same in
 small.
@@ -22,7 +22,7 @@ from benchmarks.collection import CNC, SAFE_Z_MM, named
 from benchmarks.devices.rehearsal import Rehearsal
 from tactile_nodes.collection.press.rest import go_to_gel
 from tactile_nodes.collection.press.surface import Corner, corners, feel_corner, surface_through
-from tactile_nodes.contact_tables.gel_tables import contact_table, solution_of
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel, solution_of
 from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS
 from tactile_nodes.drivers.camera.contract import SceneSettings
 from tactile_nodes.drivers.camera.simulated import build_scene
@@ -32,7 +32,7 @@ from tactile_nodes.simulation.contact import Where
 from tactile_nodes.simulation.elements import Mesh, graded
 from tactile_nodes.simulation.finite_strain import Indentation
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.indenter import PAPER_TIP
+from tactile_nodes.simulation.indenter import PAPER_TIP, indenter_name
 from tactile_nodes.simulation.optics import Optics, Press
 from tactile_nodes.simulation.scene import PressSchedule, Scene
 from tactile_nodes.simulation.solution import Problem, solve_problem
@@ -220,7 +220,7 @@ def surface() -> None:
         found = []
         for height in (-30.0, -30.017, -30.033):
             world = World(WorldSettings(gel=gel, indenter=indenter, gel_z_mm=height))
-            settings = named(world.indenter_name)
+            settings = named(indenter_name(load_gel(gel).tip_radius_mm, indenter))
             rig = Rehearsal(world, settings, CNC)
             rig.cnc.home()
             rig.hands.run(go_to_gel(settings, SAFE_Z_MM))

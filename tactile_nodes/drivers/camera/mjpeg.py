@@ -153,7 +153,7 @@ def _accepted(response: http.client.HTTPResponse, name: str) -> http.client.HTTP
     response.close()
     advice = f'it redirects to {target}' if target else 'check the path'
     if response.status == http.client.UNAUTHORIZED:
-        advice = 'give user and password as http://user:password@host/…'
+        advice = 'give user and password as http://user:password@host/…, and allow basic authentication in the camera'
     raise DeviceNotFoundError(f'{name} responded {response.status} {response.reason}; {advice}')
 
 

@@ -75,7 +75,8 @@ class GrblDialogue(GrblHearing):
             self.reports.request()
             if not self.link.wait(came, timeout_s) or self.reports.last is None:
                 raise DeviceTimeoutError(
-                    f'{self.name} reported no position within {timeout_s:g} s; switch it off and on, then start again'
+                    f'{self.name} reported no position within {timeout_s:g} s; switch it off and on, then start again; '
+                    'firmware older than Grbl 1.1 is not supported'
                 )
             if self._lost_reports != lost:
                 raise DeviceTimeoutError(f'{self.name} {self.refusal or "reports no position"}')

@@ -207,7 +207,7 @@ def test_a_server_without_pictures_fails_to_open_in_time(serve: Serve, clock: Sy
     ('kind', 'status', 'text'),
     [
         ('multipart/x-mixed-replace; boundary=frame', 404, r'responded 404 Not Found; check the path'),
-        ('text/html', 401, r'responded 401 Unauthorized; give user and password'),
+        ('text/html', 401, r'responded 401 Unauthorized; give user and password .* allow basic authentication'),
         ('text/html', 200, r'sends text/html, but an MJPEG stream is multipart'),
         ('image/jpeg', 200, r'sends image/jpeg, but an MJPEG stream is multipart'),
         ('multipart/x-mixed-replace', 200, r'with a boundary'),

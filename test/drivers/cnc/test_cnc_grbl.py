@@ -229,6 +229,14 @@ def test_work_positions_are_turned_into_machine_positions() -> None:
     play([*CONNECT, *HOME[:2], work, bare], act)
 
 
+def test_a_grbl_from_before_1_1_is_refused_by_its_age() -> None:
+    """Its reports have commas, and it knows no jogs."""
+    old = b'<Idle,MPos:0.000,0.000,0.000,WPos:0.000,0.000,0.000>\r\n'
+    script: Script = [(b'$I\n', b'[0.9j.20160303:]\r\nok\r\n'), *[(b'?', old)] * 40]
+    with pytest.raises(DeviceTimeoutError, match=r'older than Grbl 1\.1 is not supported'):
+        play(script, nothing, first=b"\r\nGrbl 0.9j ['$' for help]\r\n")
+
+
 FLUIDNC_BANNER = b"\r\nGrbl 3.6 [FluidNC v3.6.5-pre2 (wifi) '$' for help]\r\n"
 BOX: dict[str, Any] = {'lowest_mm': (-100.0, -100.0, -40.0), 'highest_mm': (0.0, 0.0, 0.0)}
 

@@ -1,4 +1,4 @@
-"""The figures of docs/sync.md: python test/sensing/sync/study_sync.py whole|broken|random|camera|step [runs]
+"""The figures of docs/sync.md, whose section on tests has the command: whole|broken|random|camera|step [runs]
 
 Each takes a few minutes on one core. These are measurements, not tests; the tests check the same in small.
 """
