@@ -76,7 +76,7 @@ class GrblDialogue(GrblHearing):
             if not self.link.wait(came, timeout_s) or self.reports.last is None:
                 raise DeviceTimeoutError(
                     f'{self.name} reported no position within {timeout_s:g} s; switch it off and on, then start again; '
-                    'firmware older than Grbl 1.1 is not supported'
+                    'firmware older than Grbl 1.1 is not supported, and Marlin needs cnc.kind: marlin'
                 )
             if self._lost_reports != lost:
                 raise DeviceTimeoutError(f'{self.name} {self.refusal or "reports no position"}')

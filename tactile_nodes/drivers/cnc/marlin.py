@@ -130,8 +130,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             dialogue.begin(self._settings.answer_s)
         except DeviceTimeoutError as error:
             raise DeviceTimeoutError(
-                f'no response from {self._name} at {self._settings.baud} baud; check power, cable and baud '
-                '(Marlin often uses 250000)'
+                f'no response from {self._name} at {self._settings.baud} baud; check power, cable, baud '
+                '(Marlin often uses 250000) and cnc.kind'
             ) from error
         dialogue.connected = True
         self._identity = marlin_identity(dialogue.ask(IDENTITY, self._settings.answer_s).lines)

@@ -9,13 +9,25 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from cnc_rigs import KINDS, Rig, direct_rig, pty_rig
+from cnc_rigs import KINDS, START_NS, Rig, device_of, direct_rig, pty_rig, settings_of
+from coarse_table import coarse_table
+from jumping_clock import JumpingClock
 
+from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, Envelope
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
+from tactile_nodes.drivers.cnc.marlin import MarlinCnc
 from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
+from tactile_nodes.emulators.world import World
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceError,
+    DeviceFaultError,
+    DeviceTimeoutError,
+    TactileError,
+)
 from tactile_nodes.params import describe, from_mapping
 
 
@@ -366,3 +378,12 @@ def test_what_cannot_be_opened_is_one_clear_sentence(settings: CncSettings, erro
     assert type(raised.value).__name__ == error
     assert '\n' not in str(raised.value)
     assert re.search(r'[;,(]', str(raised.value))
+
+
+@pytest.mark.parametrize(('device', 'driver'), [('marlin', GrblCnc), ('grbl', MarlinCnc)])
+def test_the_wrong_protocol_is_named(device: str, driver: type[GrblCnc] | type[MarlinCnc]) -> None:
+    clock = JumpingClock(START_NS)
+    port = DirectPort(device_of(device, World(table=coarse_table()), clock), clock)
+    settings = settings_of('marlin' if driver is MarlinCnc else 'grbl')
+    with pytest.raises(DeviceTimeoutError, match=r'cnc\.kind'):
+        driver(settings, clock, lambda: port, threaded=False).connect()
