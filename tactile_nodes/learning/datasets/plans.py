@@ -40,7 +40,7 @@ def random_presses(data: DataConfig, block: int, count: int) -> list[Press]:
     """Places and depths, uniform within the configuration's limits. Some presses are without contact."""
     random = np.random.default_rng([data.seed, block])
     x, y = random.uniform(-data.reach_mm, data.reach_mm, (2, count))
-    depth = random.uniform(data.shallowest_mm, data.deepest_mm, count)
+    depth = random.uniform(*sorted((data.shallowest_mm, data.deepest_mm)), count)
     depth[random.random(count) < data.without_contact] = NO_CONTACT_MM
     return [Press(*each) for each in zip(x.tolist(), y.tolist(), depth.tolist(), strict=True)]
 
@@ -65,7 +65,7 @@ def spread_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
         kind='spread',
         count=min(data.presses, CANDIDATES),
         reach_mm=data.reach_mm,
-        depths_mm=(data.shallowest_mm, data.deepest_mm),
+        depths_mm=(max(0.001, data.shallowest_mm), data.deepest_mm),  # a plan has whole micrometres, and no 0
         seed=data.seed,
     )
     presses = np.array([point[1:] for point in make_plan(settings).points])

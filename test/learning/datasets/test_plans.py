@@ -101,3 +101,18 @@ def test_random_presses_lie_within_the_limits(seed: int):
     assert max(abs(each.x_mm) for each in presses) <= 3.0
     assert set(depths[depths < 0]) == {-1.0}
     assert depths.max() <= 1.0
+
+
+def test_a_spread_plan_down_to_no_depth_has_no_press_of_none():
+    """One of its 300 presses is less than half a micrometre deep, and would be rounded to 0, which no plan may have."""
+    depths_mm = spread_plan(DataConfig(plan='spread', presses=300, seed=7, without_contact=0.0))[:, 2]
+    assert len(depths_mm) == 300
+    assert depths_mm.min() > 0
+
+
+def test_limits_of_the_depth_may_be_given_in_either_order():
+    shallow, deep = (
+        [press.depth_mm for press in planned_presses(DataConfig(shallowest_mm=a, deepest_mm=b), 0, 0, 20)]
+        for a, b in ((0.5, 1.0), (1.0, 0.5))
+    )
+    assert shallow == deep
