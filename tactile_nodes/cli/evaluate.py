@@ -73,7 +73,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
     for output in filter(None, (arguments.json, arguments.table, arguments.picture)):
         check_output(output, arguments.dataset, *map(Path, arguments.model))
-    if not 1 <= _given(arguments.presses, PRESSES) <= MOST_PRESSES:
+    if arguments.presses is not None and not 1 <= arguments.presses <= MOST_PRESSES:
         raise ConfigurationError(f'--presses must be from 1 to {MOST_PRESSES}')
     for name in ('presses', 'seed'):
         if getattr(arguments, name) is not None and (arguments.dataset or arguments.put_aside is not None):
@@ -97,12 +97,8 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
     if arguments.put_aside is not None:
         of = find_model(arguments.put_aside) if arguments.put_aside else None
         return evaluate_put_aside(model, of=of, progress=progress)
-    presses, seed = _given(arguments.presses, PRESSES), _given(arguments.seed, SEED)
-    return evaluate(model, presses=presses, seed=seed, progress=progress)
-
-
-def _given(value: int | None, usual: int) -> int:
-    return usual if value is None else value
+    given = {name: value for name in ('presses', 'seed') if (value := getattr(arguments, name)) is not None}
+    return evaluate(model, progress=progress, **given)
 
 
 def _distinct(evaluated: list[Evaluation]) -> list[Evaluation]:

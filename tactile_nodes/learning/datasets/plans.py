@@ -40,7 +40,7 @@ def random_presses(data: DataConfig, block: int, count: int) -> list[Press]:
     """Places and depths, uniform within the configuration's limits. Some presses are without contact."""
     random = np.random.default_rng([data.seed, block])
     x, y = random.uniform(-data.reach_mm, data.reach_mm, (2, count))
-    depth = random.uniform(*sorted((data.shallowest_mm, data.deepest_mm)), count)
+    depth = random.uniform(min(data.shallowest_mm, data.deepest_mm), max(data.shallowest_mm, data.deepest_mm), count)
     depth[random.random(count) < data.without_contact] = NO_CONTACT_MM
     return [Press(*each) for each in zip(x.tolist(), y.tolist(), depth.tolist(), strict=True)]
 

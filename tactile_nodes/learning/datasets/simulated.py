@@ -19,6 +19,7 @@ import numpy as np
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
@@ -168,8 +169,7 @@ def _load(files: list[Path]) -> Dataset:
 def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples']:
     """Row of confidence for each sample. `sizes` has the samples and confidences (one, or as many) of each block."""
     first = np.cumsum([0, *(confidences for _, confidences in sizes)])
-    rows = [start + np.arange(n) % confidences for start, (n, confidences) in zip(first, sizes, strict=False)]
-    return np.concatenate(rows)
+    return np.concatenate([at + np.arange(n) % rests for at, (n, rests) in zip(first, sizes, strict=False)])
 
 
 def _render_block(block: Block) -> Arrays:
@@ -180,7 +180,10 @@ def _render_block(block: Block) -> Arrays:
     measured = measured_by(block, optics)
     seeds = islice(noise_seeds(config.data.seed, block.number), config.data.frames_per_rest_image, None)
     features, presses, confidence = [], [], []
-    for press in planned_presses(config.data, block.number, block.first, block.presses):
+    planned = planned_presses(config.data, block.number, block.first, block.presses)
+    if not config.gel.rim.holds(np.array([(press.x_mm, press.y_mm) for press in planned])).all():
+        raise ConfigurationError('the plan has presses beside the gel; use the plan random or spread, and set reach_mm')
+    for press in planned:
         encoded = measured(optics.render((press,), next(seeds)))
         features.append(encoded.values.astype(np.float16))
         confidence.append(encoded.confidence)

@@ -177,7 +177,7 @@ def score(
 
 
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
-    """Presses of the paper's depths over the paper's 27 mm, for a model's own gel, flow and features."""
+    """Presses of the paper's depths over the paper's 27 of 32 mm, for a model's own gel, flow and features."""
     card = loaded.card
     require_simulated(loaded, EVALUATE_RECORDED)
     if seed <= card['data']['seed'] <= seed + 1:
@@ -185,11 +185,12 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
             f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, but the evaluation uses '
             f'seeds {seed} and {seed + 1}; choose another --seed'
         )
+    config = config_of(loaded)
     data = DataConfig(
-        presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=LIGHTEST_MM, deepest_mm=2.0,
-        without_contact=0.2, crop=card['crop_px'],
+        presses=presses * 5 // 4, seed=seed, reach_mm=13.5 / 16 * config.gel.rim.inner_mm, shallowest_mm=LIGHTEST_MM,
+        deepest_mm=2.0, without_contact=0.2, crop=card['crop_px'],
     )  # fmt: skip
-    return dataclasses.replace(config_of(loaded), data=data)
+    return dataclasses.replace(config, data=data)
 
 
 def require_simulated(loaded: LoadedModel, advice: str) -> None:

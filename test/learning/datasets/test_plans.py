@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.config import DataConfig
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.config import DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.plans import grid_plan, planned_presses, press_count, press_numbers, spread_plan
-from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
+from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import simulated_split
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation.gel import Gel
 
 
 def paper(**options: object) -> DataConfig:
@@ -116,3 +121,10 @@ def test_limits_of_the_depth_may_be_given_in_either_order():
         for a, b in ((0.5, 1.0), (1.0, 0.5))
     )
     assert shallow == deep
+
+
+def test_presses_beside_a_small_gel_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    data = DataConfig(presses=20, processes=1, frames_per_rest_image=1)
+    with pytest.raises(ConfigurationError, match='presses beside the gel; use the plan random or spread'):
+        simulate(TrainConfig(data=data, gel=Gel(size_mm=20.0)), Progress())

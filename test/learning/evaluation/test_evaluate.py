@@ -15,12 +15,18 @@ import pytest
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.evaluation import picture
-from tactile_nodes.learning.evaluation.evaluate import Evaluation, evaluate, evaluate_put_aside
+from tactile_nodes.learning.evaluation.evaluate import (
+    Evaluation,
+    evaluate,
+    evaluate_put_aside,
+    evaluation_config,
+    simulated_words,
+)
 from tactile_nodes.learning.evaluation.picture import cell_medians, draw
 from tactile_nodes.learning.evaluation.tables import comparison, report, write_estimates
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import simulated_data
-from tactile_nodes.model_file import save_model
+from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout, TotalSpread
 
@@ -107,14 +113,18 @@ def test_a_gel_that_is_simulated_otherwise_now_is_reported(tmp_path: Path) -> No
     file = random_model(tmp_path / 'old.safetensors')
     gel = {**asdict(config.gel), 'id': 'ofanearlier'}
     card = {'flow': {'name': 'dis', 'options': {}}, 'encoding': dataclasses.asdict(config.encoding), 'crop_px': 440}
-    from tactile_nodes.model_file import load_model
-
     loaded = load_model(file)
     save_model(file, loaded.model, {**card, 'gel': gel, 'data': loaded.card['data']})
-    from tactile_nodes.learning.evaluation.evaluate import evaluation_config, simulated_words
-
     changed = load_model(file)
     assert 'NOT the gel of the training, ofanearlier' in simulated_words(changed, evaluation_config(changed, 8, 1001))
+
+
+def test_presses_stay_on_a_smaller_gel(tmp_path: Path) -> None:
+    """Within 27 of the 32 mm of the paper's gel, so within 16.875 of 20 mm."""
+    loaded = load_model(random_model(tmp_path / 'small.safetensors'))
+    card = {**loaded.card, 'gel': {**loaded.card['gel'], 'size_mm': 20.0}}
+    assert evaluation_config(dataclasses.replace(loaded, card=card), 8, 1001).data.reach_mm == 16.875 / 2
+    assert evaluation_config(loaded, 8, 1001).data.reach_mm == 13.5
 
 
 def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path, tmp_path: Path) -> None:
