@@ -173,4 +173,5 @@ def _by_id() -> list[str]:
 
 def _there_are() -> str:
     found = _by_id()
-    return f'found: {", ".join(found)}' if found else 'no port is listed under /dev/serial/by-id'
+    nothing = 'no port is listed under /dev/serial/by-id; if one disappears after it is plugged in, remove brltty'
+    return f'found: {", ".join(found)}' if found else nothing

@@ -34,6 +34,7 @@ US_PER_S = 1e6
 OVERRUN, OVERRANGE, INVALID, RAW = 1, 2, 4, 8
 BOOT_S = 1.5  # for ``App Init`` of a sensor that is powered by the port
 ANSWER_S = 1.0
+STOP_TRIES = 4  # the manufacturer's own example waits for the text for ten seconds, and half a second after it
 GARBAGE_S = 1.0
 MEANS = {
     OVERRUN: Flag.WARNING,
@@ -196,16 +197,17 @@ class BotaConnection(Connection):
 def set_up(port: Port, sinc: int, baud: int) -> None:
     """Configure a sensor, after power-up or while it runs, and start its frames."""
     _wait_for(port, b'App Init', BOOT_S)  # a sensor that was on before sends frames or nothing: both are fine
-    _ask(port, b'C')
+    _ask(port, b'C', STOP_TRIES)
     _ask(port, b'c,0,1,0,%d' % BAUD_CODE[baud])
     _ask(port, b'f,%d,0,0,1' % sinc)
     _ask(port, b'R')
 
 
-def _ask(port: Port, command: bytes) -> None:
-    port.write(command)
-    letter = command[:1]
-    answer = _wait_for(port, b'r,0,' + letter + b',', ANSWER_S, after=1)
+def _ask(port: Port, command: bytes, tries: int = 1) -> None:
+    letter, answer = command[:1], None
+    while answer is None and (tries := tries - 1) >= 0:
+        port.write(command)
+        answer = _wait_for(port, b'r,0,' + letter + b',', ANSWER_S, after=1)
     if answer is None:
         raise DeviceTimeoutError(
             f'{port.name} does not respond to {command.decode()!r} like a Bota sensor; check the kind of sensor, its '

@@ -138,12 +138,7 @@ def _advice(presses: int) -> str:
 
 def threshold_of(config: TrainConfig) -> float:
     """The total force above which the live node reports a contact."""
-    thresholds = {
-        'response': config.response.contact_threshold_n,
-        'axisymmetric': config.axisymmetric.contact_threshold_n,
-        'field': config.field.contact_threshold_n,
-    }
-    return thresholds.get(config.readout, NETWORK_THRESHOLD_N)
+    return float(getattr(getattr(config, config.readout), 'contact_threshold_n', NETWORK_THRESHOLD_N))
 
 
 def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, dict[str, Any]]:

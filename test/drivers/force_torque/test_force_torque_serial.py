@@ -120,10 +120,19 @@ def test_a_refused_command_is_named() -> None:
         bota.set_up(port, 512, 460_800)
 
 
+def test_a_sensor_that_is_still_starting_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It starts later than usual, or does not listen yet after its text."""
+    monkeypatch.setattr(bota, 'BOOT_S', 0.01)
+    monkeypatch.setattr(bota, 'ANSWER_S', 0.01)
+    port = ScriptedPort(b'', [(b'C', b''), (b'C', b'App Init\r\n'), *DIALOGUE])
+    bota.set_up(port, 512, 460_800)
+    port.close()
+
+
 def test_a_device_that_does_not_answer_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bota, 'ANSWER_S', 0.01)
     with pytest.raises(DeviceTimeoutError, match='does not respond'):
-        bota.set_up(ScriptedPort(b'App Init', [(b'C', b'unknown command')]), 512, 460_800)
+        bota.set_up(ScriptedPort(b'App Init', [(b'C', b'unknown command')] * bota.STOP_TRIES), 512, 460_800)
 
 
 def test_an_answer_that_was_there_before_this_computer_paused_is_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,23 @@
+"""What is reported of a serial port that is not there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from jumping_clock import JumpingClock
+
+from tactile_nodes.drivers import serial_port
+from tactile_nodes.errors import DeviceNotFoundError
+
+
+@pytest.mark.parametrize(
+    ('listed', 'words'),
+    [([], 'no port is listed .* remove brltty'), (['/dev/serial/by-id/usb-a'], 'found: /dev/serial/by-id/usb-a$')],
+)
+def test_a_port_that_is_missing_names_those_that_are_there_or_what_takes_them(
+    listed: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_port, '_by_id', lambda: listed)
+    with pytest.raises(DeviceNotFoundError, match=f'there is no serial port .*; {words}'):
+        serial_port.open_port(str(tmp_path / 'ttyUSB0'), 115_200, 'default', JumpingClock(0))
