@@ -43,10 +43,6 @@ class OnnxSession:
         return dict(zip(OUTPUTS, found, strict=True))
 
 
-SEED = 1001
-"""Seed of the presses that `tactile evaluate` scores."""
-
-
 @dataclass(frozen=True)
 class Differences:
     """The largest differences between an exported model and its original over `samples` frames.
@@ -66,14 +62,14 @@ class Differences:
 
 
 def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = None) -> Dataset:
-    """The first frames that `tactile evaluate` uses for this model. Every fifth is at rest.
+    """Frames as `tactile evaluate` uses them, of a seed that is not that of the training. Every fifth is at rest.
 
     Raises:
         ModelError: the model was not trained on simulated presses.
     """
     require_simulated(loaded, ', so there are no frames to compare it on; export it without --check')
-    presses = -(-count * 4 // 5)
-    dataset = simulate(evaluation_config(loaded, presses, SEED), progress or Progress())
+    presses, seed = -(-count * 4 // 5), loaded.card['data']['seed'] + 2
+    dataset = simulate(evaluation_config(loaded, presses, seed), progress or Progress())
     return dataset.take(np.arange(min(count, len(dataset.presses))))
 
 

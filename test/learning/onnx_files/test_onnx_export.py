@@ -22,7 +22,7 @@ from onnx.reference import ReferenceEvaluator
 from tactile_nodes import model_file
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
-from tactile_nodes.learning.onnx_files.check import OnnxSession, compare
+from tactile_nodes.learning.onnx_files.check import OnnxSession, compare, real_samples
 from tactile_nodes.learning.onnx_files.export import export_onnx, onnx_bytes
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.sensing.explain.likeness import Likeness
@@ -356,6 +356,16 @@ def test_a_model_of_recorded_presses_has_no_frames_to_compare_it_on(
     words = [str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]
     assert main(['model', 'export', *words, '--check']) == 1
     assert 'export it without --check' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('seed', [1000, 1001, 1002])
+def test_it_is_compared_on_frames_of_another_seed_than_that_of_its_training(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    loaded = load_model(find_model('fast'))
+    of_seed = replace(loaded, card={**loaded.card, 'data': {**loaded.card['data'], 'seed': seed}})
+    assert len(real_samples(of_seed, 2).presses) == 2
 
 
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
