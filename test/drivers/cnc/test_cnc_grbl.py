@@ -272,9 +272,14 @@ def test_a_fluidnc_that_reports_after_its_banner_that_it_is_not_homed_is_connect
     (question, answer), *rest = fluidnc()
     late = (question, b'[MSG:INFO: ALARM: Unhomed]\r\nALARM:14\r\n' + answer)
     locked = (b'?', IDLE.replace(b'Idle', b'Alarm'))
-    cnc = play([late, locked, *rest[1:]], nothing, first=FLUIDNC_BANNER, **BOX)
-    assert cnc.health.level is Level.WARN
-    assert 'not homed' in cnc.health.message
+    early = FLUIDNC_BANNER + b'[MSG:INFO: ALARM: Unhomed]\r\nALARM:14\r\n'
+    for script, first in (
+        ([late, locked, *rest[1:]], FLUIDNC_BANNER),
+        ([(question, answer), locked, *rest[1:]], early),
+    ):
+        cnc = play(script, nothing, first=first, **BOX)
+        assert cnc.health.level is Level.WARN, 'an error would end a run before it homes'
+        assert 'not homed' in cnc.health.message
 
 
 @pytest.mark.parametrize(
