@@ -41,11 +41,20 @@ def gcode(grbl: Grbl, line: str) -> Program:
 def _travel(grbl: Grbl, target: Vector, feed: float) -> Program:
     machine = grbl.machine
     if machine.beyond_travel(target):
-        machine.planner.flush(grbl.now_ns)
-        yield from critical(grbl, 2)
+        yield from _soft_limit(grbl)
     yield lambda: machine.planner.used < machine.planner.capacity
     if machine.planner.add(machine.block(target, feed), grbl.now_ns) and grbl.state == 'Idle':
         grbl.state = 'Run'
+
+
+def _soft_limit(grbl: Grbl) -> Program:
+    planner = grbl.machine.planner
+    if grbl.state == 'Run':
+        grbl.state = 'Hold'
+        planner.hold(grbl.now_ns)
+        yield lambda: planner.at_rest(grbl.now_ns)
+    planner.flush(grbl.now_ns)
+    yield from critical(grbl, 2)
 
 
 def critical(grbl: Grbl, number: int) -> Program:
@@ -95,6 +104,8 @@ def _jog(grbl: Grbl, text: str) -> Program:
 
 def _home(grbl: Grbl) -> Program:
     machine = grbl.machine
+    if not machine.flag(22):
+        raise GrblError(5)
     if grbl.state not in {'Idle', 'Alarm'}:
         raise GrblError(8)
     grbl.state, grbl.homing = 'Home', True
