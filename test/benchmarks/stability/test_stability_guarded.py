@@ -144,6 +144,15 @@ def test_noise_that_grows_with_the_light_leaves_forces_ok(read_once: Answers) ->
     assert [each.status for each in held] == [OK] * 24
 
 
+def test_a_field_reads_tips_near_the_rim_and_says_that_corners_hide_them(read_once: Answers) -> None:
+    """Its calibration pressed up to 13.5 mm from the middle. In a corner only regions on one side see a tip."""
+    edge, corner = (held_of(read_once('field', *at)) for at in (('at the edge', 14.5), ('in the corners', 15.5)))
+    assert [each.status for each in edge] == [OK] * 4
+    assert max(abs(each.error_n) / each.nominal_n for each in edge) < 1
+    assert max(each.sigma_n / each.true_n for each in corner) > 0.1
+    assert all(abs(each.error_n) < 2 * each.nominal_n for each in corner if each.status == OK)
+
+
 @pytest.mark.parametrize('profile', ['fast', 'field'])
 @pytest.mark.parametrize('apart_mm', [14, 7])
 def test_two_tips_close_together_are_read_and_ok(read_once: Answers, profile: str, apart_mm: float) -> None:

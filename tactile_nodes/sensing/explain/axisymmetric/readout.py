@@ -311,14 +311,19 @@ class AxisymmetricReadout:
         fit = self.fit(observed, most_contacts)
         return self.reading_of_fit(observed, fit, self.left_over(observed, fit))
 
-    def reading_of_fit(self, observed: Observation, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
-        """The reading of a fit with this residual, with uncertainty from the noise of the image."""
+    def reading_of_fit(
+        self, observed: Observation, fit: Fit, left: Float32[np.ndarray, 'rows cols 2'], *, anywhere: bool = False
+    ) -> Reading:
+        """The reading of a fit with this residual, with uncertainty from the noise of the image.
+
+        Contacts beyond the measured forces are novel, and those beyond the measured places unless `anywhere`.
+        """
         noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self.usual_px)
         contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
         unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
         if self.gain(observed, fit) < self.calibration.least_gain * noisier**2:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
-        elif self._beyond(fit.contacts):
+        elif self._too_hard(fit.contacts) or (self._too_far(fit.contacts) and not anywhere):
             unlike = max(unlike, BEYOND_UNLIKENESS)
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
@@ -329,10 +334,14 @@ class AxisymmetricReadout:
         left[self._known] = observed.motion - self.response.motion(fit.contacts).sum(axis=0)
         return left.reshape(*self.scaling.trusted.shape, 2)
 
-    def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
-        """Whether a contact is harder, or further from the middle, than all measured ones."""
+    def _too_hard(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether a contact is harder than all measured ones."""
+        return bool((contacts[:, 2] > self.highest_n).any())
+
+    def _too_far(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether a contact is further from the middle than all measured ones."""
         reach_mm = self.correction.reach_mm * self.response.width
-        return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.highest_n).any())
+        return bool((np.abs(contacts[:, :2]) > reach_mm).any())
 
     def gain(self, observed: Observation, fit: Fit) -> float:
         """Log-likelihood ratio of the fitted contacts to none: half the decrease of the squared misfit over noise."""

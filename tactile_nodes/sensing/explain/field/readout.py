@@ -15,7 +15,7 @@ from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.contacts import contacts_of
 from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
-from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.field.spread import TIPS_OUT_OF_SIGHT, FieldSpread
 from tactile_nodes.sensing.explain.field.sums import about, covariance_of_tips, sums
 from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -211,7 +211,7 @@ class FieldReadout:
         if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
             return None
         left = self.tips.left_over(observed, fit)
-        reading = self.tips.reading_of_fit(observed, fit, left)
+        reading = self.tips.reading_of_fit(observed, fit, left, anywhere=self.tips.response.sides is None)
         return (reading, left) if reading.contacts[0].force_n else None
 
     def prepare(self) -> None:
@@ -296,6 +296,7 @@ class FieldReadout:
         pressed = np.zeros(patches.count)
         for each in reading.contacts:
             pressed += each.force_n * about(each.x_mm, each.y_mm, patches)
+        reading = _as_visible(reading, self.solver.hidden(pressed))
         forces = np.stack([pressed, np.zeros_like(pressed), np.zeros_like(pressed)])
         still = Field(forces, np.zeros(0, int), np.zeros((0, 0)), reading.unlikeness, 0.0)
         places = np.array([[each.x_mm, each.y_mm, each.force_n] for each in reading.contacts])
@@ -307,3 +308,10 @@ class FieldReadout:
         sigma = np.maximum(share * reading.normal_force_n, 0.0).astype(np.float32)
         acting = Acting('tips', none, sigma, wrench, covariance, partial(self._surface, still, 1.0))
         return replace(reading, acting=acting)
+
+
+def _as_visible(tips: Reading, hidden: float) -> Reading:
+    """Tips with the additional error of forces that are `hidden`, as in `FieldSpread.out_of_sight`."""
+    off = TIPS_OUT_OF_SIGHT * hidden
+    contacts = tuple(replace(each, sigma_n=math.hypot(each.sigma_n, off * each.force_n)) for each in tips.contacts)
+    return replace(tips, contacts=contacts, total_sigma_n=math.hypot(*(each.sigma_n for each in contacts)))

@@ -27,6 +27,11 @@ OUT_OF_SIGHT = 0.6
 side see them. For 78 contacts along the rims (ten families, seed 101) the 90 % intervals then have a coverage of 90 %
 of the totals, without it 76 %."""
 
+TIPS_OUT_OF_SIGHT = 0.15
+"""The same for tips, which the model with two places and a force describes anywhere. Forces of tips 13 to 15.5 mm from
+the middle are 0.3 to 0.8 stated deviations off (root mean square; `tactile bench stability --only edge`, and with
+`corners`, seed 12)."""
+
 
 @dataclass(frozen=True)
 class FieldSpread:
