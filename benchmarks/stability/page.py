@@ -43,8 +43,8 @@ drift monitor.
 - *missed*: share of contacts that were not reported
 - *false*: largest force reported as a contact while nothing touches, and the share of frames at rest with such a
   contact
-- *ok / degraded / invalid*: shares of frames by status. In every stream the first frame of each contact, which is one
-  in ten, is degraded, because the contact may still be moving. This does not count as detected.
+- *ok / degraded / invalid*: shares of frames by status. The first frame of a contact may be degraded (`beginning`),
+  because the contact may still be moving. This does not count as detected.
 - *sigma*: median standard deviation, relative to the undisturbed stream; in brackets, the error divided by the standard
   deviation
 - *detected after*, *invalid after*: number of the first frame after the cause that is not ok, or is invalid (1: at
