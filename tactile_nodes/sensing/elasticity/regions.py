@@ -69,6 +69,10 @@ LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
 """Loads as columns: into the gel, along x, along y."""
 
 
+LEAST_INSIDE = 0.1
+"""Least share of a region's rays that must end within the gel; regions at the rim see past it."""
+
+
 @dataclass(frozen=True)
 class Regions:
     """The regions of a sensor's image: `rows` by `cols` over the crop."""
@@ -177,14 +181,28 @@ class Regions:
         shares[:, 0] = away**BRIGHTNESS / (away**BRIGHTNESS).sum()
         return shares.reshape(-1)
 
+    @cached_property
+    def _px_per_mm(self) -> Float[np.ndarray, 'depths parts rays 2 3']:
+        """`Rays.px_per_mm`, but 0 beyond the rim of the gel, where no markers are.
+
+        The rays within the rim count the more. If those are less than `LEAST_INSIDE`, the region hardly sees the gel.
+        """
+        depth_mm = self.sensor.gel.outline.depth_mm(self.rays.points_mm[..., :2])
+        inside = np.clip(depth_mm / (self._window_mm / ALONG) + 0.5, 0.0, 1.0)
+        share = (self.nominal_shares[::3] @ inside.mean(axis=-1))[:, None]
+        return np.asarray(self.rays.px_per_mm * (inside / np.maximum(share, LEAST_INSIDE))[..., None, None])
+
+    @property
+    def _window_mm(self) -> float:
+        return WINDOW * self.sensor.image.crop_px[0] / self.cols / self.view.px_per_mm
+
     @property
     def uneven(self) -> float:
         """Change of motion over a region's window: its width over twice the depth of the markers in the middle.
 
         0.3 on the paper's sensor, 2.1 for a window of 1.5 mm with speckle 0.35 mm below the surface.
         """
-        window_mm = WINDOW * self.sensor.image.crop_px[0] / self.cols / self.view.px_per_mm
-        return window_mm / (2 * self.view.middle_mm)
+        return self._window_mm / (2 * self.view.middle_mm)
 
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:
@@ -259,7 +277,7 @@ class Regions:
         """The same in a flat layer, with forces in the frame of its surface."""
         patches = self.patches
         fields = fields_of(layer, layer.rectangle(*patches.size_mm), slopes=slopes)
-        (rows, cols), jacobian = patches.shape, (self.rays.px_per_mm[:, parts] / ALONG**2).astype(np.float32)
+        (rows, cols), jacobian = patches.shape, (self._px_per_mm[:, parts] / ALONG**2).astype(np.float32)
         node, rest = (each[:, parts] for each in self._last_patch(patches))
         terms = np.zeros((len(parts), DEPTHS, 2, 3 * fields.shape[3] * patches.count), np.float32)
         for depth in range(DEPTHS):
@@ -331,7 +349,7 @@ class Regions:
         places_mm, in_layers, by_sides_mm = under
         domed, sets = self.sensor.gel.dome_radius_mm > 0, in_layers[0].shape[3]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
-        points, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts] / ALONG**2
+        points, jacobian = self.rays.points_mm[:, parts, :, :2], self._px_per_mm[:, parts] / ALONG**2
         levers = jacobian.astype(np.float32).swapaxes(2, 3).reshape(DEPTHS, len(parts), 2, -1)
         found = np.zeros((len(places_mm), len(parts), 2, DEPTHS, sets), np.float32)
         for number, place in enumerate(places_mm):
@@ -373,4 +391,4 @@ class Regions:
     def _nodes_at(self, depth: int, by_mm: Float[np.ndarray, ' 3']) -> csr_matrix:
         """The same for one depth, with all points moved by `by_mm`."""
         assert self.sides is not None
-        return seen(self.sides.lines_mm, self.rays.points_mm[depth] + by_mm, self.rays.px_per_mm[depth] / ALONG**2)
+        return seen(self.sides.lines_mm, self.rays.points_mm[depth] + by_mm, self._px_per_mm[depth] / ALONG**2)

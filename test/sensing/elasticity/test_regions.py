@@ -92,6 +92,18 @@ def test_regions_that_see_beside_the_gel_are_known_as_such() -> None:
     assert Regions(sensor, 10, 10).within_gel.sum() == 8 * 6
 
 
+def test_a_region_at_the_rim_moves_as_what_it_sees_within_the_gel() -> None:
+    """Its rays end 6.47, 5.94 and 5.41 mm from the middle, the gel 5.7 mm: as narrow regions 5.5 mm from the middle."""
+    camera = CameraDescription('pinhole', 290.0, (333.3, 333.3), (0.0,) * 5, (219.5, 219.5), (0.0, 0.0, -10.0))
+    moved = []
+    for width_mm, count, known in ((11.4, 10, [40]), (20.0, 30, [362, 392, 422])):
+        gel = GelDescription(width_mm, 8.0, (4.0,), (0.1,), (0.5,), (0.3, 0.31))
+        regions = Regions(Sensor('rim', ImageSettings(440, 440, 440), camera, gel), count, count)
+        terms = regions.terms_of_pressure(np.array([[-4.0, -0.66]]), hertz(regions.layer, 0.8), np.array(known))
+        moved.append(float(terms[0, :, 0, ::3].sum(axis=-1).mean()))
+    assert moved[0] == pytest.approx(moved[1], rel=0.1)
+
+
 def test_motion_is_uneven_over_windows_wider_than_twice_the_depth(regions: Regions) -> None:
     """A window of 1.2 x 22 px at 290 px a radian, 19.25 mm away: 1.75 mm over twice 3.75 mm, more at the rim."""
     assert regions.uneven == pytest.approx(1.2 * 22 * 19.25 / 290 / 7.5, rel=0.3)
