@@ -113,7 +113,8 @@ class FlowFeaturesNode(Node):
         if self._restored():
             return
         if chosen.reference == 'file':
-            self._following.use_reference(read_grey(chosen.reference_file), conversions.header(self.clock.now_ns(), ''))
+            image = self._cropped(read_grey(chosen.reference_file))
+            self._following.use_reference(image, conversions.header(self.clock.now_ns(), ''))
             self._tell_reference()
         else:
             self._following.begin_capture(skip=chosen.skip_frames)

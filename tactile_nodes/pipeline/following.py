@@ -163,9 +163,10 @@ class Following:
         start_ns, memory = perf_ns(), self.memory
         frame = Frame(image, head, stamp_ns(head.stamp), registration=memory.measure.registration)
         self._begin(due(memory.rest, frame.at_ns), head)
-        if memory.freshness.stale(frame.at_ns, _age_s(acquire_s, waited_s)):
-            frame.reasons |= FORCE.REASON_STALE
         rest = None if memory.rest.capture else memory.rest.in_use
+        noisy = rest and rest.added  # of a camera without noise, images may be equal
+        if memory.freshness.stale(frame.at_ns, _age_s(acquire_s, waited_s), image if noisy else None):
+            frame.reasons |= FORCE.REASON_STALE
         mend(memory.rest.dead, rest, frame, compiled=self._compiled)
         self._trouble = _other_size(frame, rest) if rest and frame.reasons & FORCE.REASON_OTHER_IMAGE else ''
         if memory.rest.capture:

@@ -10,7 +10,7 @@ import numpy as np
 from tactile_nodes.decoding import read_picture
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter
-from tactile_nodes.shapes import Bool, Float, Int, UInt8
+from tactile_nodes.shapes import Bool, Float, Int
 
 MOST_POLYGONS = 100
 SMOOTH_PX = 1.0
@@ -83,25 +83,16 @@ def _text(found: Int[np.ndarray, 'corners 2']) -> str:
     return ' '.join(f'{x},{y}' for x, y in [*corners, *[corners[-1]] * (3 - len(corners))])
 
 
-def read_mask(path: Path) -> UInt8[np.ndarray, 'h w']:
-    """The image of a mask, black where it covers.
-
-    Raises:
-        ConfigurationError: there is no such file, or it is not an image.
-    """
-    try:
-        return read_picture(path, grey=True)
-    except OSError as error:
-        raise ConfigurationError(f'cannot read the mask {path}: {error.strerror}; name a PNG file') from error
-
-
 def mask_of(path: Path, width: int, height: int) -> MaskSettings:
-    """The mask in an image file of the size of the camera's image.
+    """The mask in an image file of the size of the camera's image, black where it covers.
 
     Raises:
         ConfigurationError: it cannot be read, has another size, or has too many separate parts.
     """
-    picture = read_mask(path)
+    try:
+        picture = read_picture(path, grey=True)
+    except OSError as error:
+        raise ConfigurationError(f'cannot read the mask {path}: {error.strerror}; name a PNG file') from error
     if picture.shape != (height, width):
         raise ConfigurationError(
             f'the mask {path} has {picture.shape[1]}x{picture.shape[0]} pixels, but image says {width}x{height}; '

@@ -273,6 +273,19 @@ def test_rest_image_comes_from_a_file(
     assert features.take() is not None
 
 
+def test_rest_image_from_a_file_is_cropped_as_pictures_are(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, tmp_path: Path
+) -> None:
+    whole, file = np.pad(PATTERN, ((20, 20), (100, 100)), mode='reflect'), tmp_path / 'rest.png'
+    cv2.imwrite(str(file), whole)
+    reference = listen(topics.REFERENCE_IMAGE)
+    tested = node(bus, clock, 'reference:=file', f'reference_file:={file}', f'crop:={PATTERN.shape[0]}')
+    run(tested)
+    received = reference.take()
+    assert received is not None
+    assert (conversions.image_array(received.message) == PATTERN).all()
+
+
 @pytest.mark.parametrize('content', [None, b'no picture'])
 def test_rest_image_file_that_is_none_is_one_sentence(
     bus: InProcessBus, clock: SteppedClock, tmp_path: Path, content: bytes | None

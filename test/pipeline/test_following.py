@@ -266,6 +266,19 @@ def test_a_speck_of_dirt_is_reported_until_it_is_gone() -> None:
     assert stream.feed(4).reasons == 0
 
 
+@pytest.mark.parametrize('noisy', [False, True])
+def test_a_picture_that_a_noisy_camera_repeats_is_stale(noisy: bool) -> None:
+    """A camera or its server may hang and send its last picture with new stamps. Pictures without noise may be equal,
+    as those of a simulator are."""
+    following, reasons = Following(FollowingParams(reference_frames=4)), []
+    following.begin_capture()
+    for number in range(13):
+        head = conversions.header(S + number * S // 30, 'camera')
+        image = picture(number=min(number, 5) if noisy else 0)
+        reasons.append(following.answer(image, head, acquire_s=0.0, waited_s=0.001).reasons)
+    assert [bool(each & FORCE.REASON_STALE) for each in reasons] == [False] * 12 + [noisy]
+
+
 def test_an_old_frame_is_reported() -> None:
     stream = at_rest()
     assert stream.feed(1, age_s=0.3).reasons == FORCE.REASON_STALE

@@ -122,7 +122,7 @@ class Inspection:
     def findings(self) -> tuple[Finding, ...]:
         """All findings, in the order in which to correct them. A black picture shows nothing but that."""
         size = size_finding(self.sensor.image, len(self.pictures), dots=self.sensor.pattern.kind == 'dots')
-        first = size, self._frame(), self._light()
+        first = size, Finding('frame', OK, f'{self.sensor.frame}'), self._light()
         if self._dark:
             return first
         seen = *self._pattern(), self._focus(), self._shown(), self._measurable(), self._mask(), self._rest()
@@ -132,9 +132,6 @@ class Inspection:
     def usable(self) -> bool:
         """Whether no finding is bad."""
         return all(each.level != BAD for each in self.findings)
-
-    def _frame(self) -> Finding:
-        return Finding('frame', OK, f'{self.sensor.frame}')
 
     @property
     def _dark(self) -> bool:

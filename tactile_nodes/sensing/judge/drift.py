@@ -224,7 +224,7 @@ class DriftMonitor:
             self._moved.feed(stamp_ns, since_rest.size_px)
         if tells:
             self._lost.feed(stamp_ns, 1 - since_rest.found)
-        self._light.feed(stamp_ns, _darker(since_rest.contrast))
+        self._light.feed(stamp_ns, abs(math.log(max(since_rest.contrast, 1e-3))))
         self._other.feed(stamp_ns, float(_shows_another(since_rest)))
 
     def force(self, stamp_ns: int, total_n: float, unlikeness: float, *, in_contact: bool, usable: bool = True) -> None:
@@ -322,10 +322,6 @@ class DriftMonitor:
 def _is_small(motion: PictureMotion) -> bool:
     """Whether pixels are where they were in the rest image, as far as grey levels can show it."""
     return max(map(abs, motion.terms)) < STRAIGHT_PX
-
-
-def _darker(contrast: float) -> float:
-    return abs(math.log(max(contrast, 1e-3)))
 
 
 def _shows_another(change: PictureChange) -> bool:

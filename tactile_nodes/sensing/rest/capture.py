@@ -77,7 +77,10 @@ class RestCapture:
             self._take_another(_about(image))
         self._frames.add(image)
         self._longest = max(self._longest, self._frames.count)
-        return self._finished() if self._frames.count >= self._wanted else None
+        if self._frames.count < self._wanted:
+            return None
+        finished, self._frames = self._frames.image(), RestAccumulator()
+        return finished
 
     def _same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether a frame shows the same as the run."""
@@ -98,10 +101,6 @@ class RestCapture:
     def _have_no_patience(self) -> None:
         """Stop the count of frames at the limit of patience, so that a touch never becomes a rest image."""
         self._offered = min(self._offered, PATIENCE * self._wanted)
-
-    def _finished(self) -> UInt8[np.ndarray, 'h w']:
-        image, self._frames = self._frames.image(), RestAccumulator()
-        return image
 
 
 def _about(image: UInt8[np.ndarray, 'h w']) -> StillnessCheck:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -31,6 +32,12 @@ def test_a_frame_is_stale_by_its_age_and_not_judged_where_that_is_not_known() ->
     assert staleness([1], 0.09) == [False]
     assert staleness([1], -1.0) == [True]
     assert staleness([1], math.nan) == [False]
+
+
+def test_an_image_that_a_camera_repeats_is_stale_from_the_same_age_on_until_another_comes() -> None:
+    found, one, other = Freshness(0.1), np.zeros((8, 8), np.uint8), np.ones((8, 8), np.uint8)
+    shown = [found.stale(round(each * S), 0.0, one) for each in (1.0, 1.06, 1.12)]
+    assert [*shown, found.stale(2 * S, 0.0, other)] == [False, False, True, False]
 
 
 @given(st.lists(st.integers(1, 10**10), min_size=1, max_size=50, unique=True))
