@@ -99,7 +99,10 @@ def _of_picture(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> int:
     memory.soft = difference.blurred
     other = beside or rest.captured.as_sharp(sharp, of=rest.likeness.sharpness)
     frame.as_before = rest.another and bool(other) and not rest.captured.near(level, sharp)
-    another = difference.light or rest.likeness.much_blurred(sharp)
+    # Noise that was not seen at rest may be a sharper image, whose motion is too large. Dots are not checked at rest.
+    checked = frame.registration is not None and rest.added is not None
+    sharper = checked and beside.noisy and not memory.told & FORCE.REASON_BLURRED
+    another = difference.light or rest.likeness.much_blurred(sharp) or sharper
     return another * FORCE.REASON_LIGHT_CHANGED | (difference.blurred or difference.noisy) * FORCE.REASON_BLURRED
 
 

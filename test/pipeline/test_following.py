@@ -170,6 +170,20 @@ def test_a_blur_that_comes_during_a_touch_counts_as_another_picture_until_it_has
     assert stream.feed(1, touch).reasons & both == FORCE.REASON_BLURRED
 
 
+def test_a_picture_that_sharpens_during_a_touch_counts_as_another_one_and_noise_seen_at_rest_does_not() -> None:
+    """A camera that still focused at the capture. Motion is then too large, by a third at 1 px."""
+    both, touched = FORCE.REASON_BLURRED | FORCE.REASON_LIGHT_CHANGED, press(180, 250, 0.5)
+    stream = Stream()
+    stream.blur_px = 1.0
+    stream.feed(8)
+    stream.blur_px = 0.0
+    assert stream.feed(1, touched).reasons & both == both
+    noisy = at_rest()
+    noisy.noise_grey = 5.0
+    noisy.feed(4)
+    assert noisy.feed(1, touched).reasons & both == FORCE.REASON_BLURRED
+
+
 def test_a_blurred_picture_is_not_said_to_have_another_light() -> None:
     """The pattern that blur takes away comes back by focusing, and not by mending the lamp."""
     stream, touch = at_rest(), press(200, 200, 1.0)

@@ -196,7 +196,8 @@ class DriftMonitor:
         """
         if self._rest is None or self._last_rest is None:
             return
-        picture = self._without_dead(picture, self._rest, straight=taken_out is None or _is_small(taken_out))
+        straight = taken_out is None or max(map(abs, taken_out.terms)) < STRAIGHT_PX
+        picture = self._without_dead(picture, self._rest, straight=straight)
         if taken_out is not None and picture.shape == self._last_rest.shape:
             picture = Straightening(taken_out, picture.shape)(picture, self._last_rest)
         if self._bands is not None and picture.shape == self._last_rest.shape:
@@ -317,11 +318,6 @@ class DriftMonitor:
     def _take(self, ratio: ForceRatio) -> None:
         self._ratio = ratio
         self._force.set(ratio.off)
-
-
-def _is_small(motion: PictureMotion) -> bool:
-    """Whether pixels are where they were in the rest image, as far as grey levels can show it."""
-    return max(map(abs, motion.terms)) < STRAIGHT_PX
 
 
 def _shows_another(change: PictureChange) -> bool:
