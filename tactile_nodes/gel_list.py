@@ -9,9 +9,9 @@ from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from tactile_nodes import paths
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.paths import PACKAGE
 
 NS_PER_DAY = 86_400_000_000_000
 
@@ -59,9 +59,8 @@ _LOOK = 'UPDATE calibrations SET level = ?, remedy = ?, looked_ns = ? WHERE mode
 
 def list_file() -> Path:
     """``$TACTILE_GELS``, else ``$XDG_DATA_HOME/tactile_nodes/gels.sqlite``, else ``~/.local/share/…``."""
-    if chosen := os.environ.get('TACTILE_GELS'):
-        return Path(chosen).expanduser()
-    return Path(os.environ.get('XDG_DATA_HOME') or Path.home() / '.local/share') / PACKAGE / 'gels.sqlite'
+    chosen = os.environ.get('TACTILE_GELS')
+    return Path(chosen or paths.of_user('XDG_DATA_HOME', '.local/share') / paths.PACKAGE / 'gels.sqlite').expanduser()
 
 
 class GelList:

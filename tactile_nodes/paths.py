@@ -86,21 +86,36 @@ def is_short_enough(folder: Path) -> bool:
 
 def log_directory() -> Path:
     """The folder for the output of launched nodes: ``$ROS_LOG_DIR``, else ``~/.ros/log``."""
-    if chosen := os.environ.get('ROS_LOG_DIR'):
-        return Path(chosen)
-    return Path(os.environ.get('ROS_HOME', Path.home() / '.ros')) / 'log'
+    return Path(os.environ.get('ROS_LOG_DIR') or of_user('ROS_HOME', '.ros') / 'log')
 
 
 def cache_directory() -> Path:
     """The folder for results that can be computed again: ``$XDG_CACHE_HOME/tactile_nodes``, else ``~/.cache/…``."""
-    folder = Path(os.environ.get('XDG_CACHE_HOME', Path.home() / '.cache')) / PACKAGE
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = of_user('XDG_CACHE_HOME', '.cache') / PACKAGE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f'cannot create the cache folder {folder} ({error.strerror}); set XDG_CACHE_HOME to a folder that you own'
+        ) from error
     return folder
 
 
 def state_directory() -> Path:
     """The folder for data that outlive a process: ``$XDG_STATE_HOME/tactile_nodes``, else ``~/.local/state/…``."""
-    return Path(os.environ.get('XDG_STATE_HOME') or Path.home() / '.local/state') / PACKAGE
+    return of_user('XDG_STATE_HOME', '.local/state') / PACKAGE
+
+
+def of_user(variable: str, default: str) -> Path:
+    """The folder that an environment variable names; if it is unset or empty, one below the home folder.
+
+    Raises:
+        ConfigurationError: the variable names none, and the user has no home folder.
+    """
+    try:
+        return Path(os.environ.get(variable) or Path.home() / default)
+    except RuntimeError as error:
+        raise ConfigurationError(f'this user has no home folder; set HOME or {variable}') from error
 
 
 def check_output(file: Path, *read: Path | None) -> None:

@@ -120,6 +120,33 @@ def test_logs_go_where_ros_2_puts_them(tmp_path: Path, monkeypatch: pytest.Monke
     assert paths.log_directory() == Path('/elsewhere')
 
 
+def test_an_empty_variable_names_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ('ROS_LOG_DIR', 'ROS_HOME', 'XDG_STATE_HOME'):
+        monkeypatch.setenv(variable, '')
+    monkeypatch.setenv('HOME', '/home/jo')
+    assert paths.log_directory() == Path('/home/jo/.ros/log')
+    assert paths.state_directory() == Path('/home/jo/.local/state/tactile_nodes')
+
+
+def test_who_has_no_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere(_: object) -> Path:
+        raise RuntimeError('Could not determine home directory.')
+
+    monkeypatch.setattr(Path, 'home', classmethod(nowhere))
+    monkeypatch.delenv('XDG_STATE_HOME', raising=False)
+    with pytest.raises(ConfigurationError, match='no home folder; set HOME or XDG_STATE_HOME'):
+        paths.state_directory()
+    monkeypatch.setenv('ROS_HOME', '/logs')
+    monkeypatch.delenv('ROS_LOG_DIR', raising=False)
+    assert paths.log_directory() == Path('/logs/log')
+
+
+def test_a_cache_that_cannot_be_made_is_refused_saying_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', '/proc/none')
+    with pytest.raises(ConfigurationError, match='cannot create the cache folder /proc/none'):
+        paths.cache_directory()
+
+
 @pytest.mark.parametrize('name', ['', '.', 'folder', 'x' * 300, 'file/below', 'pipe', 'to_pipe'])
 def test_an_output_that_cannot_be_is_refused_before_any_work(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -34,10 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ('zarr', 'one array per field of each topic; images too with --images'),
         ('lerobot', 'a LeRobot data set (v3.0): frames at a fixed rate, in episodes'),
     ):
-        verb = formats.add_parser(
-            name, help=line, description=f'{line[0].upper()}{line[1:]}.', epilog=EPILOG,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )  # fmt: skip
+        verb = formats.add_parser(name, help=line)
         _add_common(verb, name)
     _add_lerobot(verb)
 

@@ -24,7 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from tactile_nodes.bus.bridge.keys import create_keys, read_public
+    """Create or print keys, or list them. Invalid files are reported and do not hide valid keys."""
+    from tactile_nodes.bus.bridge.keys import create_keys, fingerprint, keys_directory, read_public
+    from tactile_nodes.errors import ConfigurationError
 
     if arguments.action == 'create':
         public, secret = create_keys(arguments.name)
@@ -33,14 +35,6 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.name:
         print(read_public(arguments.name).decode(), end='')
         return 0
-    return _list()
-
-
-def _list() -> int:
-    """List the keys. Invalid files are reported and do not hide valid keys."""
-    from tactile_nodes.bus.bridge.keys import fingerprint, keys_directory, read_public
-    from tactile_nodes.errors import ConfigurationError
-
     folder = keys_directory()
     names = sorted(file.stem for file in folder.glob('*.key'))
     if not names:

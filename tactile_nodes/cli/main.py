@@ -77,15 +77,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     except OSError as error:
-        print(_refused(error), file=sys.stderr)
+        said = f'{error.filename!r}: {error.strerror}' if error.filename else error.strerror or error
+        print(f'operating system error: {said}; check disk space and permissions', file=sys.stderr)
         return 1
     return status
-
-
-def _refused(error: OSError) -> str:
-    """One sentence for an error of the operating system (a full disk, a name that is too long)."""
-    name = f'{error.filename!r}: ' if error.filename else ''
-    return f'operating system error: {name}{error.strerror or error}; check disk space and permissions'
 
 
 def _run(words: Sequence[str]) -> int:
@@ -122,15 +117,17 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
         )
         if module is not None:
             module.add_arguments(command)
-            _give_examples(command, f'tactile {name}')
+            _complete_help(command, f'tactile {name}')
     return parser
 
 
-def _give_examples(parser: argparse.ArgumentParser, words: str) -> None:
-    """Repeat the examples of a subcommand that belong to one of its own subcommands in the latter's help."""
+def _complete_help(parser: argparse.ArgumentParser, words: str) -> None:
+    """Give the subcommands of a subcommand their line as description, and those of its examples that are theirs."""
     written = (parser.epilog or '').splitlines()
-    commands = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    for name, command in [pair for found in commands for pair in found.items()]:
+    commands = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    for name, line in [(each.dest, each.help or '') for found in commands for each in found._choices_actions]:
+        command = commands[0].choices[name]
+        command.description = command.description or f'{line[0].upper()}{line[1:]}.'
         own = [line for line in written if line.strip().startswith(f'{words} {name}')]
         if own and not command.epilog:
             command.epilog = '\n'.join(['examples:', *own])

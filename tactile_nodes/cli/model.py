@@ -23,9 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     info = verbs.add_parser('info', help="print a model's card")
     info.add_argument('model', help='a model file, or the name of a shipped model')
     info.set_defaults(action=_info)
-    export = verbs.add_parser(
-        'export', help='write a model as ONNX', epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    export = verbs.add_parser('export', help='write a model as ONNX')
     export.set_defaults(action=_export)
     export.add_argument('model', help='a model file, or the name of a shipped model')
     export.add_argument('-o', '--output', type=Path, metavar='FILE', help='file to write (default: NAME.onnx, here)')

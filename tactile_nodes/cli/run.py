@@ -15,7 +15,7 @@ DESCRIPTION = 'Run an executable of a package.'
 EPILOG = """\
 examples:
   tactile run camera_node                                        a node of this package
-  tactile run camera_node --ros-args -r __ns:=/left -p rate:=60.0
+  tactile run camera_node --ros-args -r __ns:=/left -p fps:=30.0
   tactile run tactile_nodes camera_node --ros-args --params-file camera.yaml
   tactile run --prefix 'taskset -c 1' camera_node                with a command in front
 """

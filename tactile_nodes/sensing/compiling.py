@@ -78,7 +78,9 @@ def load_compiled(name: str, tell: Callable[[str], None]) -> ModuleType:
         with notice_of_compiling(tell):
             return importlib.import_module(f'tactile_nodes.sensing.loops.{name}')
     except (ImportError, OSError, RuntimeError) as error:  # not installed, no LLVM, or no cache folder
+        no_cache = isinstance(error, RuntimeError)
+        remedy = 'set NUMBA_CACHE_DIR to a folder that you own' if no_cache else 'try pip install numba'
         raise ConfigurationError(
             f'numba cannot compile the inner loops here ({in_a_line(error)}); '
-            'try pip install numba, or set the parameter compiled to false'
+            f'{remedy}, or set the parameter compiled to false'
         ) from error

@@ -157,6 +157,13 @@ def test_a_run_folder_that_cannot_be_had_is_a_problem(tmp_path: Path) -> None:
     assert checks.run_directory(lambda: Path('/tmp')).level == 'ok'
 
 
+def test_a_log_folder_that_cannot_be_made_is_a_problem(tmp_path: Path) -> None:
+    assert checks.log_directory(lambda: tmp_path / 'new' / 'log').level == 'ok'
+    (tmp_path / 'file').touch()
+    found = checks.log_directory(lambda: tmp_path / 'file' / 'log')
+    assert (found.level, found.remedy) == ('problem', 'set ROS_LOG_DIR to a folder that you own')
+
+
 @pytest.fixture
 def short_path() -> Iterator[Path]:
     """A folder near the root, wherever temporary files go."""

@@ -46,6 +46,15 @@ def test_each_verb_has_a_module_with_arguments_and_help(verb: str, capsys: pytes
     assert f'usage: tactile {verb}' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('verb', ['camera', 'export', 'gels', 'keys', 'model', 'topic'])
+def test_each_subcommand_says_what_it_does_and_shows_its_own_examples_only(verb: str) -> None:
+    (subcommands,) = make_parser(verb)._subparsers._group_actions[0].choices[verb]._subparsers._group_actions
+    for name, parser in subcommands.choices.items():
+        assert parser.description
+        shown = [line.strip() for line in (parser.epilog or '').splitlines() if line.strip().startswith('tactile ')]
+        assert all(line.startswith(f'tactile {verb} {name}') for line in shown)
+
+
 def examples() -> list[str]:
     """The commands in the help texts, without the remarks behind them."""
     texts = (getattr(importlib.import_module(f'tactile_nodes.cli.{verb}'), 'EPILOG', '') for verb in VERBS)

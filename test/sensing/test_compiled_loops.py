@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from responding import COMPONENTS, components, features, readout
 
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, notice_of_compiling
@@ -370,6 +371,15 @@ def test_without_numba_who_asks_for_compiled_loops_is_told_what_to_do():
     assert ended.returncode
     assert 'ConfigurationError: numba cannot compile the inner loops here' in ended.stderr
     assert 'pip install numba, or set the parameter compiled to false' in ended.stderr
+
+
+def test_where_numba_may_store_nothing_it_is_said_what_to_set(monkeypatch: pytest.MonkeyPatch):
+    def refuse(_: str):
+        raise RuntimeError("cannot cache function 'field': no locator available for file 'field.py'")
+
+    monkeypatch.setattr('tactile_nodes.sensing.compiling.importlib.import_module', refuse)
+    with pytest.raises(ConfigurationError, match='set NUMBA_CACHE_DIR to a folder that you own, or set the parameter'):
+        choose(True, print, print)
 
 
 def test_without_numba_others_are_warned_once_and_get_numpy():

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
+from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError, from_extra
 from tactile_nodes.files import read_plain
 
@@ -32,9 +33,8 @@ class KeyPair:
 
 def keys_directory() -> Path:
     """Where keys are kept: ``$TACTILE_KEYS``, else ``$XDG_CONFIG_HOME/tactile_nodes/keys``, else ``~/.config/…``."""
-    if chosen := os.environ.get('TACTILE_KEYS'):
-        return Path(chosen).expanduser()
-    return Path(os.environ.get('XDG_CONFIG_HOME', Path.home() / '.config')) / 'tactile_nodes' / 'keys'
+    chosen = os.environ.get('TACTILE_KEYS')
+    return Path(chosen or paths.of_user('XDG_CONFIG_HOME', '.config') / paths.PACKAGE / 'keys').expanduser()
 
 
 def create_keys(name: str, folder: Path | None = None) -> tuple[Path, Path]:

@@ -34,7 +34,7 @@ _LABEL = 19
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest='bag_verb', required=True, metavar='record|info|play|compare|sync')
     _add_record(verbs.add_parser('record', help='record topics', description='Record until Ctrl-C.'))
-    _add_info(verbs.add_parser('info', help='show the contents of a bag', description='Show the contents of a bag.'))
+    _add_info(verbs.add_parser('info', help='show the contents of a bag'))
     _add_play(verbs.add_parser('play', help='play a bag', description=_KEYS))
     _add_compare(verbs.add_parser('compare', help='compare two bags bit for bit', description=_BITS))
     bag_sync.add_arguments(

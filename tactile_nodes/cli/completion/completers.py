@@ -11,7 +11,7 @@ from tactile_nodes.cli.running import session
 from tactile_nodes.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Graph, ProcessBus
+    from tactile_nodes.bus.protocol import ProcessBus
 
 CALL_TIMEOUT_S = 2.0
 """A node that is busy answers within a second or so; only one that hangs makes the shell wait this long."""
@@ -49,16 +49,12 @@ services = _live(lambda bus, _: [end.name for end in bus.graph().services()])
 
 
 def _topic_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
-    found = _of(bus.graph(), getattr(arguments, 'topic', None))
-    if found:
+    topic = getattr(arguments, 'topic', None)
+    if topic and (found := bus.graph().topics().get(absolute(topic))):
         return found
     from tactile_nodes.messages.store import store
 
     return [name for name in store().fielddefs if '/msg/' in name]
-
-
-def _of(graph: Graph, topic: str | None) -> list[str]:
-    return graph.topics().get(absolute(topic), []) if topic else []
 
 
 def _service_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:

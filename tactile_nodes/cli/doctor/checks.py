@@ -37,12 +37,7 @@ PACKAGES = {
     'numpy': ('numpy',),
     'scipy': ('scipy',),
     'numba': ('numba',),
-    'cv2': (
-        'opencv-contrib-python-headless',
-        'opencv-contrib-python',
-        'opencv-python-headless',
-        'opencv-python',
-    ),
+    'cv2': ('opencv-contrib-python-headless', 'opencv-contrib-python', 'opencv-python-headless', 'opencv-python'),
     'zmq': ('pyzmq',),
     'rosbags': ('rosbags',),
     'mcap': ('mcap',),
@@ -139,13 +134,21 @@ def run_directory(locate: Callable[[], Path] = paths.run_directory) -> Finding:
         folder = locate()
     except ConfigurationError as error:
         return Finding('run folder', 'problem', str(error), 'set TACTILE_RUN_DIR to a folder of your own, mode 700')
-    if not os.access(folder, os.W_OK | os.X_OK):
-        return Finding('run folder', 'problem', f'{folder} is not writable', 'set TACTILE_RUN_DIR to a writable folder')
     if not paths.is_short_enough(folder):
         return Finding(
             'run folder', 'problem', f'{folder} is too long for sockets', 'set TACTILE_RUN_DIR to a shorter path'
         )
     return Finding('run folder', 'ok', str(folder))
+
+
+def log_directory(locate: Callable[[], Path] = paths.log_directory) -> Finding:
+    """The folder for the output of launched nodes, without which no launch starts."""
+    try:
+        folder = locate().expanduser()
+        paths.check_output(folder / 'launch.log')
+    except ConfigurationError as error:
+        return Finding('log folder', 'problem', str(error), 'set ROS_LOG_DIR to a folder that you own')
+    return Finding('log folder', 'ok', str(folder))
 
 
 def domain(environment: Mapping[str, str] = os.environ) -> Finding:
@@ -229,6 +232,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     packages,
     share,
     run_directory,
+    log_directory,
     domain,
     cores,
     memory,
@@ -276,8 +280,7 @@ def _meminfo(file: Path) -> dict[str, float]:
         lines = file.read_text(encoding='ascii').splitlines()
     except OSError:
         return {}
-    pairs = (line.split() for line in lines)
-    return {words[0].rstrip(':'): int(words[1]) * 1024.0 for words in pairs if len(words) >= 2}
+    return {words[0].rstrip(':'): int(words[1]) * 1024.0 for words in map(str.split, lines)}
 
 
 def _importable(module: str) -> bool:

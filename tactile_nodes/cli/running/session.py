@@ -37,7 +37,6 @@ class Verbs:
         verb = self._commands.add_parser(
             name,
             help=line,
-            description=f'{line[0].upper()}{line[1:]}.',
             epilog=f'examples:\n{examples}' if examples else None,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
