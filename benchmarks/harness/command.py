@@ -65,7 +65,7 @@ def _add_files(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
             '--redraw',
             type=Path,
             metavar='FILE.json',
-            help='write page and charts of this result again, without measuring',
+            help='write page and charts again beside this result, without measuring (-o is not used)',
         )
 
 
