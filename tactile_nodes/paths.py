@@ -89,9 +89,15 @@ def log_directory() -> Path:
     return Path(os.environ.get('ROS_LOG_DIR') or of_user('ROS_HOME', '.ros') / 'log')
 
 
-def cache_directory() -> Path:
-    """The folder for results that can be computed again: ``$XDG_CACHE_HOME/tactile_nodes``, else ``~/.cache/…``."""
-    folder = of_user('XDG_CACHE_HOME', '.cache') / PACKAGE
+def cache_directory(*below: str) -> Path:
+    """The folder for results that can be computed again: ``$XDG_CACHE_HOME/tactile_nodes``, else ``~/.cache/…``.
+
+    Or one `below` it.
+
+    Raises:
+        ConfigurationError: it cannot be created.
+    """
+    folder = (of_user('XDG_CACHE_HOME', '.cache') / PACKAGE).joinpath(*below)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -67,7 +67,7 @@ def _in_cache(key: str) -> Path:
 
 
 def _cached(key: str) -> Solution | None:
-    with suppress(OSError):
+    with suppress(OSError, ConfigurationError):
         return _read(_in_cache(key), key)
     return None
 

@@ -156,7 +156,7 @@ def known_table(key: str) -> TouchTable | None:
     """The table with a key if it is shipped or in the cache, else None."""
     if (shipped := _read(paths.share_directory() / 'config' / 'touches' / f'{key}.npz')) is not None:
         return shipped
-    with suppress(OSError):
+    with suppress(OSError, ConfigurationError):
         return _read(paths.cache_directory() / 'touches' / f'{key}.npz')
     return None
 

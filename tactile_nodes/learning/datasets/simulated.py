@@ -103,8 +103,7 @@ class Block:
 
 def simulate(config: TrainConfig, progress: Progress) -> Dataset:
     """The data set of a configuration. Blocks made before, also by an interrupted run, are read from their files."""
-    folder = paths.cache_directory() / 'datasets' / recipe_id(config)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = paths.cache_directory('datasets', recipe_id(config))
     blocks = blocks_of(config, folder)
     render(blocks, _render_block, progress)
     return _load([block.file for block in blocks])
@@ -138,8 +137,7 @@ def blocks_of(config: TrainConfig, folder: Path) -> list[Block]:
 
 def blocks_of_first(config: TrainConfig, presses: int, name: str) -> list[Block]:
     """The blocks with the first presses of a plan. Their folder has this name, beside that of the data set."""
-    folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = paths.cache_directory('datasets', recipe_id(config), name)
     return [block for block in blocks_of(config, folder) if block.first < presses]
 
 

@@ -10,13 +10,12 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
 
 from tactile_nodes import paths
-from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.errors import ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.sensing.features import Features, make_encoding
@@ -46,8 +45,7 @@ class Measurer:
             and height of a rectangle.
 
     Raises:
-        ConfigurationError: no such method or option.
-        DatasetError: the cache cannot be used.
+        ConfigurationError: no such method or option, or the folder of the cache cannot be created.
     """
 
     def __init__(self, flow: Choice, encoding: Choice, crop: int | tuple[int, int] = 440) -> None:
@@ -61,7 +59,7 @@ class Measurer:
         self._shape = 0, 0, 0
         self._camera: MovedCamera | None = None
         self._least_px = moved_dots.KNOCK_PX if isinstance(self.flow, DotsFlow) else NEGLIGIBLE_PX
-        self._cache = FeatureCache(_cache_folder() / f'{self.recipe_id}.sqlite')
+        self._cache = FeatureCache(paths.cache_directory('features') / f'{self.recipe_id}.sqlite')
 
     @property
     def recipe_id(self) -> str:
@@ -166,15 +164,3 @@ class Measurer:
         rows, cols = (int(str(self.encoding.options[name])) for name in ('rows', 'cols'))
         side = largest_side(width, height, self._crop[0], math.lcm(rows, cols))
         return side, side
-
-
-def _cache_folder() -> Path:
-    try:
-        folder = paths.cache_directory() / 'features'
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise DatasetError(
-            f'cannot make the folder {error.filename} for the cache of features ({error.strerror}); '
-            'set XDG_CACHE_HOME to a folder that you may write'
-        ) from error
-    return folder

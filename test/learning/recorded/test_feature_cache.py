@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.errors import DatasetError
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.learning.recorded.measuring import CODE, Measurer
@@ -48,7 +48,9 @@ def test_a_cache_that_another_process_is_just_making_is_used(tmp_path: Path) -> 
 def test_a_folder_for_the_cache_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'file').touch()
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'file'))
-    with pytest.raises(DatasetError, match=r'/file/.* \(Not a directory\); set XDG_CACHE_HOME to a folder that you'):
+    with pytest.raises(
+        ConfigurationError, match=r'/file/.* \(Not a directory\); set XDG_CACHE_HOME'
+    ):
         Measurer(Choice('dis'), Choice('cartesian_mean', {'rows': 20, 'cols': 20}))
 
 
