@@ -212,7 +212,7 @@ class Source:
         if name in unwanted or (named and name not in named and not (images and kind == IMAGE_TYPE)):
             return 'not requested'
         if kind == IMAGE_TYPE and not images:
-            return 'images; zarr and lerobot hold them with --images'
+            return 'images; with --images zarr holds them, lerobot those of 8 bits'
         return '' if name in named else NOT_TABLES.get(kind, '')
 
     def _lay_out(self, name: str) -> None:

@@ -78,14 +78,14 @@ def test_what_was_lost_and_what_is_left_out_is_reported(
     assert main(['export', kind, str(cut), '-o', str(bag.parent / 'out')]) == 0
     printed = capsys.readouterr()
     assert f'Warning: {cut} is cut off' in printed.err
-    assert 'left out: /image_raw (images; zarr and lerobot hold them with --images)' in printed.out
+    assert 'left out: /image_raw (images; with --images zarr holds them, lerobot those of 8 bits)' in printed.out
 
 
 def test_without_anything_to_export_each_topic_says_why(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['export', 'parquet', str(bag), '--topics', '/image_raw']) == 1
     error = capsys.readouterr().err
     assert 'contains nothing to export: ' in error
-    assert '/image_raw (images; zarr and lerobot hold them with --images)' in error
+    assert '/image_raw (images; with --images zarr holds them, lerobot those of 8 bits)' in error
 
 
 def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
