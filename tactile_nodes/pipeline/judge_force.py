@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.pipeline.ready_model import Ready
 from tactile_nodes.pipeline.reasons import ALTERED, INVALID, UNMEASURED, WITHOUT_A_NUMBER
+from tactile_nodes.sensing.explain.likeness import known
 from tactile_nodes.sensing.explain.model import OK_TIMES, ForceMap
-from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
+from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.judge.stamped import ByStamp
 from tactile_nodes.sensing.picture.quality import ContactDetector
 
@@ -107,7 +108,7 @@ def found_reasons(found: ForceMap, least_confidence: float = LEAST_CONFIDENCE) -
     faults = {
         FORCE.REASON_NOT_FINITE: not math.isfinite(found.total_n),
         FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
-        FORCE.REASON_UNLIKE_TRAINING: found.unlikeness >= BEYOND_UNLIKENESS,
+        FORCE.REASON_UNLIKE_TRAINING: not known(found.unlikeness, found.contacts),
     }
     return sum(bit for bit, present in faults.items() if present)
 

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
 from tactile_nodes.shapes import Float32
+
+CLOSE_MM = 3.0
+"""Least distance of tips. Closer ones are a single tip that presses deeper than all in the training: 2.5 mm deep it is
+read as two or three, at most 2.5 mm apart."""
+
+
+def known(unlikeness: float, contacts: Sequence[Contact]) -> bool:
+    """Whether a readout knows its error for such contacts; this also holds if their novelty is unknown (NaN)."""
+    pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0 and each.region is None]
+    close = any(math.dist(*pair) < CLOSE_MM for pair in itertools.combinations(pressing, 2))
+    return not close and not unlikeness >= BEYOND_UNLIKENESS
 
 
 @dataclass(frozen=True)

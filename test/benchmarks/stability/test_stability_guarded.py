@@ -139,6 +139,12 @@ def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(
     assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held)
 
 
+def test_a_tip_deeper_than_all_of_the_training_is_ok_only_if_right(read_once: Answers) -> None:
+    held = held_of(read_once('fast', 'deeper than trained', 2.5, replace(SOON, presses=12)))
+    assert [each.status for each in held] != [OK] * 12
+    assert all(each.status != OK for each in beyond_twice_the_usual(held))
+
+
 def test_noise_that_grows_with_the_light_leaves_forces_ok(read_once: Answers) -> None:
     held = held_of(read_once('fast', 'flicker', 30, replace(FEW, presses=6, hold=4, rest=2)))
     assert [each.status for each in held] == [OK] * 24

@@ -48,9 +48,7 @@ def test_a_cache_that_another_process_is_just_making_is_used(tmp_path: Path) -> 
 def test_a_folder_for_the_cache_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'file').touch()
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'file'))
-    with pytest.raises(
-        ConfigurationError, match=r'/file/.* \(Not a directory\); set XDG_CACHE_HOME'
-    ):
+    with pytest.raises(ConfigurationError, match=r'/file/.* \(Not a directory\); set XDG_CACHE_HOME'):
         Measurer(Choice('dis'), Choice('cartesian_mean', {'rows': 20, 'cols': 20}))
 
 

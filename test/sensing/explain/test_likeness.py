@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.likeness import Likeness, known
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
 
 MEAN = np.array([1, 1, 1, 1], np.float32)
 AXES = Likeness(MEAN, np.eye(2, 4, dtype=np.float32), floor=0.5, share=0.1)
@@ -49,3 +50,16 @@ def test_features_outside_of_the_subspace_are_unlike_and_those_inside_are_not(se
 @pytest.mark.filterwarnings('ignore::RuntimeWarning')
 def test_inputs_that_are_no_numbers_have_no_likeness(value: float) -> None:
     assert not math.isfinite(AXES.unlikeness(np.array([0, 0, value, 0], np.float32)))
+
+
+def test_contacts_are_known_up_to_the_ends_of_the_training() -> None:
+    pressed = [Contact(0.0, 0.0, 0.3)]
+    assert known(BEYOND_UNLIKENESS - 0.01, pressed) and not known(BEYOND_UNLIKENESS, pressed)
+    assert known(math.nan, pressed)  # it cannot tell
+
+
+def test_contacts_that_are_close_are_not_known_from_the_single_ones_of_a_training() -> None:
+    far, near = ([Contact(-apart / 2, 0.0, 0.3), Contact(apart / 2, 0.0, 0.2)] for apart in (3.5, 2.5))
+    assert known(0.4, far)
+    assert not known(0.4, near)
+    assert known(0.4, [near[0], Contact(1.2, 0.0, 0.0)])  # one that does not press is none
