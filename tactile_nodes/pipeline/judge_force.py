@@ -105,10 +105,11 @@ def _touching(memory: ForceMemory, found: ForceMap) -> tuple[Contact, ...]:
 
 def found_reasons(found: ForceMap, least_confidence: float = LEAST_CONFIDENCE) -> int:
     """Reasons from the force itself: not a number, too few regions seen, novelty."""
+    tips_alone = found.contacts if found.acting is None else ()  # a field has compared tips with other contacts
     faults = {
         FORCE.REASON_NOT_FINITE: not math.isfinite(found.total_n),
         FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
-        FORCE.REASON_UNLIKE_TRAINING: not known(found.unlikeness, found.contacts),
+        FORCE.REASON_UNLIKE_TRAINING: not known(found.unlikeness, tips_alone),
     }
     return sum(bit for bit, present in faults.items() if present)
 

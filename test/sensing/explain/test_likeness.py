@@ -59,7 +59,7 @@ def test_contacts_are_known_up_to_the_ends_of_the_training() -> None:
 
 
 def test_contacts_that_are_close_are_not_known_from_the_single_ones_of_a_training() -> None:
-    far, near = ([Contact(-apart / 2, 0.0, 0.3), Contact(apart / 2, 0.0, 0.2)] for apart in (3.5, 2.5))
+    far, near = ([Contact(-apart / 2, 0.0, 0.3), Contact(apart / 2, 0.0, 0.2)] for apart in (16.0, 14.0))
     assert known(0.4, far)
     assert not known(0.4, near)
-    assert known(0.4, [near[0], Contact(1.2, 0.0, 0.0)])  # one that does not press is none
+    assert known(0.4, [near[0], Contact(7.0, 0.0, 0.0)])  # one that does not press is none
