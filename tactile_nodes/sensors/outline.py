@@ -100,19 +100,6 @@ class Outline:
                 inside ^= ((high > y) != (low > y)) & (x < left + (y - high) * (right - left) / (low - high))
         return inside
 
-    def depth_mm(self, places_mm: Float[np.ndarray, '*shape 2']) -> Float[np.ndarray, '*shape']:
-        """How far within the gel places (x, y) are: about their distance from its rim, negative outside."""
-        if not self.shape:
-            return np.asarray((self._half_mm - np.abs(places_mm)).min(axis=-1))
-        if self.shape == ELLIPSE:
-            return np.asarray((1 - np.linalg.norm(places_mm / self._half_mm, axis=-1)) * self._half_mm.min())
-        nearest = np.full(places_mm.shape[:-1], np.inf)
-        for start, end in zip(self.corners_mm, np.roll(self.corners_mm, -1, axis=0), strict=True):
-            along = end - start
-            share = np.clip((places_mm - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-            nearest = np.minimum(nearest, np.linalg.norm(places_mm - start - share[..., None] * along, axis=-1))
-        return np.where(self.holds(places_mm), nearest, -nearest)
-
     def lattice_mm(self, pitch_mm: float, through_mm: Sequence[float]) -> Float[np.ndarray, 'places 2']:
         """Places on the gel on a square lattice of `pitch_mm` through one given place, row by row."""
         x, y = (

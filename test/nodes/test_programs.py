@@ -11,14 +11,19 @@ from tactile_nodes.errors import NOT_AGAIN
 from tactile_nodes.nodes import composed
 
 
+def ended(code: str) -> subprocess.CompletedProcess[str]:
+    """A program that ran this code."""
+    return subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+
+
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_program_that_is_asked_to_end_while_it_imports_ends_quietly(name: str) -> None:
     code = (
         'import os, signal, sys; sys.argv = ["/bin/camera_node"]; import tactile_nodes.nodes; '
         f'os.kill(os.getpid(), signal.{name}); print("went on")'
     )
-    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
+    program = ended(code)
+    assert (program.returncode, program.stdout, program.stderr) == (0, '', '')
 
 
 def test_a_program_ends_although_it_is_asked_where_no_exception_gets_out() -> None:
@@ -31,8 +36,8 @@ def test_a_program_ends_although_it_is_asked_where_no_exception_gets_out() -> No
         'del thing\n'
         'print("went on")'
     )
-    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
+    program = ended(code)
+    assert (program.returncode, program.stdout, program.stderr) == (0, '', '')
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
@@ -41,8 +46,8 @@ def test_a_program_that_is_asked_to_end_while_it_ends_keeps_its_exit_status(name
         'import atexit, os, signal, sys; sys.argv = ["/bin/camera_node"]; '
         f'atexit.register(os.kill, os.getpid(), signal.{name}); import tactile_nodes.nodes; sys.exit(3)'
     )
-    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stderr) == (3, '')
+    program = ended(code)
+    assert (program.returncode, program.stderr) == (3, '')
 
 
 def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
@@ -50,7 +55,7 @@ def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
         'import signal; before = signal.getsignal(signal.SIGINT); import tactile_nodes.nodes; '
         'assert signal.getsignal(signal.SIGINT) is before'
     )
-    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
+    assert ended(code).returncode == 0
 
 
 def test_a_wrong_name_to_compose_ends_a_program_for_good(capsys: pytest.CaptureFixture[str]) -> None:

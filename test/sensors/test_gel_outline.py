@@ -77,17 +77,3 @@ def test_an_outline_is_read_as_it_was_written_and_the_card_of_a_rectangle_says_n
     assert load_sensor(tmp_path / 'again.yaml') == sensor
     assert values_of(sensor)['gel.outline_mm'] == HEXAGON
     assert 'gel.outline_mm' not in values_of(load_sensor('simulated'))
-
-
-@pytest.mark.parametrize(
-    ('shape', 'expected'),
-    [
-        ('', [2.0, 1.0, -1.0, 5.0]),
-        ('ellipse', [1.0, 1.0, -0.5, 5.0]),
-        ('-10,-5 10,-5 10,5 -10,5', [2.0, 1.0, -1.0, 5.0]),
-    ],
-)
-def test_how_deep_a_place_is_within_the_gel_is_its_distance_from_the_rim(shape: str, expected: list[float]) -> None:
-    """Of an ellipse it is about that: along its axes, a fifth of the shorter half axis is a fifth of the longer."""
-    places = np.array([[8.0, 0.0], [0.0, -4.0], [11.0, 0.0], [0.0, 0.0]])
-    assert Outline(20.0, 10.0, shape).depth_mm(places) == pytest.approx(expected)

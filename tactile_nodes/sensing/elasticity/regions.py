@@ -183,11 +183,15 @@ class Regions:
 
     @cached_property
     def _px_per_mm(self) -> Float[np.ndarray, 'depths parts rays 2 3']:
-        """`Rays.px_per_mm`, but 0 beyond the rim of the gel, where no markers are.
+        """`Rays.px_per_mm`, but 0 beyond the rim of a rectangular gel, where no markers are.
 
         The rays within the rim count the more. If those are less than `LEAST_INSIDE`, the region hardly sees the gel.
+        Dots lie within the rim, and so does what `usable` regions of a gel of another shape see.
         """
-        depth_mm = self.sensor.gel.outline.depth_mm(self.rays.points_mm[..., :2])
+        gel = self.sensor.gel
+        if self._of_dots or gel.outline_mm:
+            return self.rays.px_per_mm
+        depth_mm = (np.array([gel.width_mm, gel.height_mm]) / 2 - np.abs(self.rays.points_mm[..., :2])).min(axis=-1)
         inside = np.clip(depth_mm / (self._window_mm / ALONG) + 0.5, 0.0, 1.0)
         share = (self.nominal_shares[::3] @ inside.mean(axis=-1))[:, None]
         return np.asarray(self.rays.px_per_mm * (inside / np.maximum(share, LEAST_INSIDE))[..., None, None])

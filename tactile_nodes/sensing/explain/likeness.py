@@ -13,14 +13,14 @@ from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
 from tactile_nodes.shapes import Float32
 
 CLOSE_MM = 15.0
-"""Least distance of tips, for readouts that know tips alone. They read other bodies as several tips close together, as
-one tip that presses deeper than all in the training. With 3 mm, `fast` would be up to 7 times its nominal error off
+"""Least distance of tips, for readouts that know tips alone. They read another body, or a tip that presses deeper than
+all in the training, as several tips close together. With 3 mm, `fast` would be up to 7 times its nominal error off
 while ok, with 15 mm 2.2 times (`tactile bench contacts`)."""
 
 
 def known(unlikeness: float, contacts: Sequence[Contact]) -> bool:
     """Whether a readout knows its error for such contacts; this also holds if their novelty is unknown (NaN)."""
-    pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0 and each.region is None]
+    pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0]
     close = any(math.dist(*pair) < CLOSE_MM for pair in itertools.combinations(pressing, 2))
     return not close and not unlikeness >= BEYOND_UNLIKENESS
 
