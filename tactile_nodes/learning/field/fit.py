@@ -188,7 +188,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
     The relative error of all its forces is that of the moduli, which an image does not show.
     """
     regions = regions_of(sensor, scaling)
-    spread = spread_of('', 0, regions.uneven)
+    spread = spread_of('', 0, regions)
     spread = replace(spread, response=math.hypot(spread.response, sensor.gel.moduli_off)).placed(UNPLACED_MM)
     with (progress or Progress()).bar('response of the regions', 1) as bar:
         # Slopes count nothing until presses say otherwise.

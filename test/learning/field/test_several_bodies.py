@@ -73,10 +73,11 @@ def test_presses_of_two_bodies_are_each_fitted_with_their_own(both: Dataset) -> 
 
 
 @pytest.mark.parametrize('body', ['ball:0.6', 'punch:3'])
-def test_the_layer_counts_as_linear_up_to_a_share_of_its_thickness(body: str) -> None:
-    """0.18 of 4 mm (docs/contacts.md); forces count in steps of a quarter."""
-    pressures = Pressures(Regions(load_sensor('printed_dots'), 6, 8), KnownBody.named(body))
-    assert pressures.about(pressures.most_n).depth_mm == pytest.approx(0.18 * 4.0, rel=0.25)
+@pytest.mark.parametrize(('sensor', 'share'), [('printed_dots', 0.18), ('speckle_membrane', 0.08)])
+def test_the_layer_counts_as_linear_up_to_a_share_of_its_thickness(sensor: str, share: float, body: str) -> None:
+    """Of 4 mm (docs/contacts.md); forces count in steps of a quarter."""
+    pressures = Pressures(Regions(load_sensor(sensor), 6, 8), KnownBody.named(body))
+    assert pressures.about(pressures.most_n).depth_mm == pytest.approx(share * 4.0, rel=0.25)
 
 
 def test_what_a_rig_calls_its_indenter_is_known_as_a_body() -> None:

@@ -19,7 +19,14 @@ def test_a_crop_that_no_usual_number_of_regions_divides_is_refused(width: int, h
 
 
 def test_a_crop_whose_regions_are_nearly_the_usual_ones_is_accepted():
-    """442 = 17 x 26, where twenty regions are usual."""
+    """442 = 13 x 34, where 25 and 32 regions are usual; more than 26 would be narrower than 14 px."""
     sensor = load_sensor('speckle_membrane')
     regions = usual_regions(replace(sensor, image=replace(sensor.image, crop=442, crop_height=442)))
-    assert (regions.rows, regions.cols) == (17, 17)
+    assert (regions.rows, regions.cols) == (26, 26)
+
+
+@pytest.mark.parametrize(('name', 'rows', 'cols'), [('simulated', 20, 20), ('speckle_membrane', 24, 32)])
+def test_markers_near_the_surface_are_seen_by_regions_half_as_wide_as_patches(name: str, rows: int, cols: int):
+    """18 x 18 patches of the paper's sensor have 20 x 20 regions, 14 x 18 of a membrane 24 x 32."""
+    regions = usual_regions(load_sensor(name))
+    assert (regions.rows, regions.cols) == (rows, cols)
