@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from shifting import shifted
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.picture.change import PictureComparison, common_motion
@@ -15,14 +16,6 @@ def warped(picture: np.ndarray, turn_deg: float, scale: float) -> np.ndarray:
     middle = (picture.shape[1] - 1) / 2, (picture.shape[0] - 1) / 2
     matrix = cv2.getRotationMatrix2D(middle, -turn_deg, scale)
     return cv2.warpAffine(picture, matrix, picture.shape[::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-
-
-def shifted(picture: np.ndarray, right_px: float, down_px: float) -> np.ndarray:
-    """Shifted by any fraction of a pixel, exactly but for rounding and the edges: a phase in the Fourier transform."""
-    down, right = np.meshgrid(*(np.fft.fftfreq(side) for side in picture.shape), indexing='ij')
-    phase = np.exp(-2j * np.pi * (right * right_px + down * down_px))
-    moved = np.fft.ifft2(np.fft.fft2(picture.astype(float)) * phase).real
-    return np.clip(np.rint(moved), 0, 255).astype(np.uint8)
 
 
 @pytest.fixture(scope='module')
