@@ -18,54 +18,37 @@ from tactile_nodes.sensing.geometry import (
 )
 
 
-def test_the_middle_bin_lies_at_the_origin():
-    assert BinGrid().bin_of(0.0, 0.0) == 40
-    np.testing.assert_allclose(BinGrid().centres_mm[4, 4], [0, 0], atol=1e-12)
+@pytest.mark.parametrize(
+    ('x_mm', 'y_mm', 'index'), [(0.0, 0.0, 40), (15.9, -15.9, 8), (-15.9, 15.9, 72), (99.0, 99.0, 80), (-99.0, 0.0, 36)]
+)
+def test_bins_count_columns_along_x_first_and_the_outermost_ones_hold_what_lies_beyond(
+    x_mm: float, y_mm: float, index: int
+):
+    assert BinGrid().bin_of(x_mm, y_mm) == index
 
 
-def test_bins_count_columns_along_x_first():
+def test_centres_of_bins_lie_in_their_bins_the_first_half_a_bin_from_the_corner():
     grid = BinGrid()
-    assert grid.bin_of(15.9, -15.9) == 8
-    assert grid.bin_of(-15.9, 15.9) == 72
+    assert [grid.bin_of(x, y) for x, y in grid.centres_mm.reshape(-1, 2).tolist()] == list(range(81))
+    np.testing.assert_allclose(grid.centres_mm[0, 0], [-16 + 32 / 18, -16 + 32 / 18])
+    np.testing.assert_allclose(grid.centres_mm[4, 4], [0, 0], atol=1e-12)
 
 
-def test_bin_zero_of_the_paper_has_its_centre_half_a_bin_from_the_corner():
-    np.testing.assert_allclose(BinGrid().centres_mm[0, 0], [-16 + 32 / 18, -16 + 32 / 18])
+@pytest.mark.parametrize('x_mm', [0.0, -16.0], ids=['middle of a bin', 'rim of the surface'])
+def test_the_next_border_is_half_a_bin_away_and_the_rim_is_none(x_mm: float):
+    assert BinGrid().border_distance_mm(x_mm, 0.0) == pytest.approx(32 / 18)
 
 
-def test_a_point_outside_the_surface_belongs_to_the_nearest_bin():
-    assert BinGrid().bin_of(99.0, 99.0) == 80
-    assert BinGrid().bin_of(-99.0, 0.0) == 36
-
-
-@given(st.integers(0, 80))
-def test_the_centre_of_each_bin_lies_in_that_bin(index: int):
-    grid = BinGrid()
-    x, y = grid.centres_mm.reshape(-1, 2)[index]
-    assert grid.bin_of(x, y) == index
-
-
-def test_the_middle_of_a_bin_is_half_a_bin_from_its_borders():
-    assert BinGrid().border_distance_mm(0.0, 0.0) == pytest.approx(32 / 18)
-
-
-def test_the_rim_of_the_surface_is_no_border_between_bins():
-    assert BinGrid().border_distance_mm(-16.0, 0.0) == pytest.approx(32 / 18)
-
-
-def test_a_ray_at_45_degrees_lands_focal_times_quarter_pi_from_the_centre():
+@pytest.mark.parametrize(
+    ('point', 'pixel'),
+    [((1.0, 0, 1), (320 + 75 * np.pi, 240)), ((0.0, 0, 7), (320, 240)), ((0.0, 2, 0), (320, 240 + 150 * np.pi))],
+    ids=['at 45 degrees', 'on the axis', 'sideways'],
+)
+def test_a_fisheye_sees_a_ray_its_focal_length_times_the_angle_from_the_centre(
+    point: tuple[float, ...], pixel: tuple[float, float]
+):
     camera = FisheyeCamera(focal_px_per_rad=300.0, centre_px=(320.0, 240.0))
-    np.testing.assert_allclose(camera.project(np.array([[1.0, 0, 1]])), [[320 + 75 * np.pi, 240]])
-
-
-def test_a_point_on_the_axis_lands_in_the_centre():
-    camera = FisheyeCamera(centre_px=(320.0, 240.0))
-    np.testing.assert_array_equal(camera.project(np.array([[0.0, 0, 7]])), [[320, 240]])
-
-
-def test_the_fisheye_sees_sideways():
-    camera = FisheyeCamera(focal_px_per_rad=100.0, centre_px=(0.0, 0.0))
-    np.testing.assert_allclose(camera.project(np.array([[0.0, 2, 0]])), [[0, 50 * np.pi]], atol=1e-9)
+    np.testing.assert_allclose(camera.project(np.array([point])), [pixel], atol=1e-9)
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.2, 3))

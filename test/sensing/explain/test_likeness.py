@@ -28,10 +28,6 @@ def test_what_is_left_over_counts_against_floor_and_share() -> None:
     assert AXES.unlikeness(inputs) == pytest.approx(4 / (0.5 + 0.1 * 5))
 
 
-def test_the_mean_itself_is_like() -> None:
-    assert AXES.unlikeness(MEAN) == 0
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 999), st.floats(0.1, 1000))
 def test_features_outside_of_the_subspace_are_unlike_and_those_inside_are_not(seed: int, size: float) -> None:

@@ -119,23 +119,16 @@ def test_the_spread_of_the_total_grows_with_it():
     assert ForceEstimator(one_layer()).predict(features(0, 0, 1, 0)).total_sigma_n == pytest.approx(0.05)
 
 
-def test_inputs_are_centred_and_scaled():
-    inputs = dataclasses.replace(
-        scaling(), mean=np.full((2, 2, 1), 1, np.float32), gain=np.full((2, 2, 1), 3, np.float32)
-    )
-    scaled = inputs(np.full((2, 2, 1), 5, np.float32), np.ones((2, 2), np.float32))
-    np.testing.assert_array_equal(scaled, 12)
-
-
-def test_features_of_another_grid_are_refused_with_both_layouts():
-    other = Features('cartesian_mean', np.zeros((3, 2, 1), np.float32), np.ones((3, 2), np.float32))
-    with pytest.raises(ModelError, match=r'2x2 regions of cartesian_mean .* but the features are 3x2 regions'):
-        ForceEstimator(one_layer()).predict(other)
-
-
-def test_features_of_another_encoding_are_refused():
-    other = Features('polar_mean', np.zeros((2, 2, 1), np.float32), np.ones((2, 2), np.float32))
-    with pytest.raises(ModelError, match='polar_mean'):
+@pytest.mark.parametrize(
+    ('encoding', 'rows', 'said'),
+    [
+        ('cartesian_mean', 3, '2x2 regions of cartesian_mean .* but the features are 3x2 regions'),
+        ('polar_mean', 2, 'polar_mean'),
+    ],
+)
+def test_features_of_another_layout_are_refused_with_both(encoding: str, rows: int, said: str):
+    other = Features(encoding, np.zeros((rows, 2, 1), np.float32), np.ones((rows, 2), np.float32))
+    with pytest.raises(ModelError, match=said):
         ForceEstimator(one_layer()).predict(other)
 
 

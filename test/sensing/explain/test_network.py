@@ -16,7 +16,6 @@ from tactile_nodes.sensing.explain.network import (
     Mlp,
     NetworkReadout,
     TotalSpread,
-    rectified,
 )
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -115,15 +114,6 @@ def test_unlikeness_is_that_of_the_scaled_inputs() -> None:
     reader = dataclasses.replace(READER, likeness=likeness)
     # The second input is (4 - 1) * 2 = 6, the first is explained: the root of 36 / 2.
     assert reader.read(values(9, 4), sure()).unlikeness == pytest.approx(math.sqrt(18), rel=1e-4)
-
-
-def test_features_that_are_no_numbers_give_forces_that_are_none() -> None:
-    reading = READER.read(values(math.nan, 1), sure())
-    assert math.isnan(reading.normal_force_n.sum())
-
-
-def test_rectified_units_pass_what_is_positive() -> None:
-    assert rectified(np.array([-1, 0, 2], np.float32)).tolist() == [0, 0, 2]
 
 
 def test_all_weights_and_biases_count_as_parameters() -> None:

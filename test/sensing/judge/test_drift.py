@@ -6,7 +6,6 @@ import copy
 import dataclasses
 import math
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -270,15 +269,6 @@ def test_contacts_that_are_unlike_one_after_the_other_are_reported_once_they_are
 def test_a_knocked_camera_does_not_count_as_unlike_contacts_too(monitor: DriftMonitor) -> None:
     watched(monitor, [knocked(1.0).picture()])
     assert touched(monitor, 3.0, 30, begin_s=10, unlike=50.0).verdict.reasons == Reason.PICTURE_MOVED
-
-
-def test_a_wavering_picture_does_not_flap(monitor: DriftMonitor) -> None:
-    levels = []
-    for number in range(600):
-        size_px = 0.02 + 0.005 * math.sin(number / 7)
-        monitor.change(number * S // 2, dataclasses.replace(NOTHING, size_px=size_px))
-        levels.append(monitor.verdict.level)
-    assert sum(one != other for one, other in pairwise(levels)) == 1
 
 
 def test_while_something_seems_wrong_it_looks_four_times_as_often(monitor: DriftMonitor, plain: Seen) -> None:

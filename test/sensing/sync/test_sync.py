@@ -47,6 +47,18 @@ def worst_error_s(fit: ClockFit, device_s: np.ndarray, offset_s: float, drift_pp
     return float(np.abs(found - offset_s - (1 + drift_ppm * 1e-6) * times).max())
 
 
+def fitted(*recordings: object) -> ClockFit:
+    fit = fit_clocks(*recordings)  # type: ignore[arg-type]
+    assert isinstance(fit, ClockFit), fit
+    return fit
+
+
+def refused(*recordings: object) -> Refusal:
+    refusal = fit_clocks(*recordings)  # type: ignore[arg-type]
+    assert isinstance(refusal, Refusal), refusal.bound_s
+    return refusal
+
+
 @SOME
 @given(
     seed=st.integers(0, 10_000),
@@ -69,8 +81,7 @@ def test_time_is_recovered_better_than_2_ms_everywhere(
     host_s = line(count, rng)
     device_s = device_time(host_s, offset_s, drift_ppm)
     host = recorded(host_s, rng, missing, doubled, jitter_s) + HOST_ZERO_NS
-    fit = fit_clocks(recorded(device_s, rng, missing, doubled, jitter_s), host, SyncLimits(jitter_s=0.004))
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(recorded(device_s, rng, missing, doubled, jitter_s), host, SyncLimits(jitter_s=0.004))
     error_s = worst_error_s(fit, device_s, offset_s, drift_ppm)
     assert error_s < 0.002
     assert error_s < 5 * jitter_s * math.sqrt(2 / 3) * math.sqrt(4 / (0.8 * count)) + 1e-4
@@ -85,8 +96,7 @@ def test_clocks_that_begin_days_apart_are_matched_too(seed: int, drift_ppm: floa
     host_s = line(80, rng)
     device_s = host_s / (1 + drift_ppm * 1e-6)
     shift_ns = round(offset_s * 1e9)
-    fit = fit_clocks(recorded(device_s, rng) + shift_ns, recorded(host_s, rng) + HOST_ZERO_NS, SyncLimits(0.004))
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(recorded(device_s, rng) + shift_ns, recorded(host_s, rng) + HOST_ZERO_NS, SyncLimits(0.004))
     times = np.round(device_s * 1e9).astype(np.int64)
     assert np.abs(fit.host_ns(times + shift_ns) - HOST_ZERO_NS - host_s * 1e9).max() < 2e6
 
@@ -95,8 +105,7 @@ def test_clocks_that_begin_days_apart_are_matched_too(seed: int, drift_ppm: floa
 @given(seed=st.integers(0, 10_000))
 def test_edges_of_another_run_are_never_matched(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    refusal = fit_clocks(recorded(line(100, rng), rng), recorded(line(100, rng), rng), SyncLimits(0.004))
-    assert isinstance(refusal, Refusal)
+    refusal = refused(recorded(line(100, rng), rng), recorded(line(100, rng), rng), SyncLimits(0.004))
     assert refusal.reason == Reason.NO_MATCH
 
 
@@ -105,8 +114,7 @@ def test_edges_of_another_run_are_never_matched(seed: int) -> None:
 def test_a_periodic_line_is_refused_because_it_fits_at_every_period(seed: int, period_s: float, count: int) -> None:
     rng = np.random.default_rng(seed)
     edges = np.arange(count) * period_s
-    refusal = fit_clocks(recorded(edges, rng), recorded(edges, rng) + HOST_ZERO_NS, SyncLimits(0.004))
-    assert isinstance(refusal, Refusal)
+    refusal = refused(recorded(edges, rng), recorded(edges, rng) + HOST_ZERO_NS, SyncLimits(0.004))
     assert refusal.reason == Reason.AMBIGUOUS
 
 
@@ -117,8 +125,7 @@ def test_a_periodic_line_is_accepted_where_the_offset_is_known_to_half_a_period(
     edges = np.arange(200.0)
     device_s = device_time(edges, offset_s, 50)
     limits = SyncLimits(0.004, max_offset_s=0.4)
-    fit = fit_clocks(recorded(device_s, rng), recorded(edges, rng), limits)
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(recorded(device_s, rng), recorded(edges, rng), limits)
     assert abs(fit.offset_s - offset_s - 50e-6 * 100) < 0.006
 
 
@@ -127,8 +134,7 @@ def test_the_edges_of_a_60_hz_camera_give_2_ms_when_there_are_enough_of_them() -
     rng = np.random.default_rng(5)
     host_s = line(500, rng)
     frames = (np.ceil(device_time(host_s, 0.3, 100) * 60) - 0.5) / 60
-    fit = fit_clocks(np.round(frames * 1e9).astype(np.int64), np.round(host_s * 1e9).astype(np.int64) + HOST_ZERO_NS)
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(np.round(frames * 1e9).astype(np.int64), np.round(host_s * 1e9).astype(np.int64) + HOST_ZERO_NS)
     assert worst_error_s(fit, device_time(host_s, 0.3, 100), 0.3, 100) < 0.002
     assert 0.003 < fit.residual_median_s < 0.0055  # of a uniform error of 8.3 ms the median is 4.2 ms
     assert fit.residual_max_s < 0.0084 + fit.bound_s
@@ -137,8 +143,7 @@ def test_the_edges_of_a_60_hz_camera_give_2_ms_when_there_are_enough_of_them() -
 def test_a_few_edges_with_the_jitter_of_a_camera_do_not_suffice_and_it_says_how_good_they_are() -> None:
     rng = np.random.default_rng(6)
     edges = line(40, rng)
-    refusal = fit_clocks(recorded(edges, rng, jitter_s=0.0083), recorded(edges, rng, jitter_s=0.0))
-    assert isinstance(refusal, Refusal)
+    refusal = refused(recorded(edges, rng, jitter_s=0.0083), recorded(edges, rng, jitter_s=0.0))
     assert refusal.reason == Reason.RESIDUALS
     assert 'ms, but 2 ms are required' in refusal.text
 
@@ -146,8 +151,7 @@ def test_a_few_edges_with_the_jitter_of_a_camera_do_not_suffice_and_it_says_how_
 @pytest.mark.parametrize(('device', 'host'), [(0, 100), (7, 100), (100, 7), (1, 1)])
 def test_too_few_edges_are_refused(device: int, host: int) -> None:
     edges = recorded(line(100, np.random.default_rng(1)), np.random.default_rng(1), 0, 0)
-    refusal = fit_clocks(edges[:device], edges[:host])
-    assert isinstance(refusal, Refusal)
+    refusal = refused(edges[:device], edges[:host])
     assert refusal.reason == Reason.TOO_FEW_EDGES
 
 
@@ -155,8 +159,7 @@ def test_a_clock_that_drifts_more_than_any_crystal_is_refused() -> None:
     rng = np.random.default_rng(2)
     host_s = line(100, rng)
     device = recorded(device_time(host_s, 0.0, 3000), rng)
-    refusal = fit_clocks(device, recorded(host_s, rng), SyncLimits(0.004))
-    assert isinstance(refusal, Refusal)
+    refusal = refused(device, recorded(host_s, rng), SyncLimits(0.004))
     assert refusal.reason == Reason.NO_MATCH
 
 
@@ -165,16 +168,14 @@ def test_a_clock_that_was_set_in_the_middle_of_the_run_is_refused(step_s: float)
     rng = np.random.default_rng(3)
     host_s = line(200, rng)
     device_s = host_s + step_s * (np.arange(200) >= 100)
-    refusal = fit_clocks(recorded(device_s, rng), recorded(host_s, rng), SyncLimits(0.01))
-    assert isinstance(refusal, Refusal)
+    refusal = refused(recorded(device_s, rng), recorded(host_s, rng), SyncLimits(0.01))
     assert refusal.reason in {Reason.RESIDUALS, Reason.NO_MATCH}
 
 
 def test_recorders_that_ran_together_for_a_part_only_are_matched_there() -> None:
     rng = np.random.default_rng(4)
     edges = line(300, rng)
-    fit = fit_clocks(recorded(edges[:200], rng), recorded(edges[100:], rng) + HOST_ZERO_NS, SyncLimits(0.004))
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(recorded(edges[:200], rng), recorded(edges[100:], rng) + HOST_ZERO_NS, SyncLimits(0.004))
     assert fit.inliers < 100
     assert worst_error_s(fit, edges[:200], 0.0, 0.0) < 0.002
 
@@ -184,10 +185,8 @@ def test_levels_tell_apart_what_times_alone_do_not() -> None:
     edges = np.arange(60) * 500_000_000
     levels = np.arange(60) % 2 == 0
     limits = SyncLimits(0.004, max_offset_s=0.8)
-    without = fit_clocks(edges, edges + 100_000_000, limits)
-    assert isinstance(without, Refusal)
-    fit = fit_clocks(edges, edges + 100_000_000, limits, levels, levels)
-    assert isinstance(fit, ClockFit), fit
+    refused(edges, edges + 100_000_000, limits)
+    fit = fitted(edges, edges + 100_000_000, limits, levels, levels)
     assert abs(fit.offset_s - 0.1) < 1e-6
 
 
@@ -195,8 +194,7 @@ def test_ten_thousand_presses_are_matched() -> None:
     rng = np.random.default_rng(7)
     host_s = line(21_904, rng, 0.5, 1.5)
     device = recorded(device_time(host_s, -0.2, -80), rng)
-    fit = fit_clocks(device, recorded(host_s, rng) + HOST_ZERO_NS, SyncLimits(0.004))
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(device, recorded(host_s, rng) + HOST_ZERO_NS, SyncLimits(0.004))
     assert abs(fit.drift_ppm + 80) < 0.01
     assert worst_error_s(fit, device / 1e9, -0.2, -80) < 1e-4
 
@@ -238,16 +236,19 @@ def test_a_straight_line_with_noise_has_no_bend_and_a_step_has() -> None:
     assert 3.5 < bend(x, noise + 5 * np.sign(x - 99.5)) < 5.5
 
 
-def test_the_lower_line_touches_the_cloud_from_below() -> None:
-    assert lower_line(np.array([0.0, 1.0, 2.0]), np.array([0.0, 3.0, 2.0]), 10.0) == pytest.approx((0.0, 1.0))
-
-
-def test_the_lower_line_is_no_steeper_than_allowed() -> None:
-    assert lower_line(np.array([0.0, 1.0]), np.array([0.0, 3.0]), 1.0) == pytest.approx((0.0, 1.0))
-
-
-def test_the_lower_line_under_one_point_is_level() -> None:
-    assert lower_line(np.array([5.0]), np.array([3.0]), 1.0) == (3.0, 0.0)
+@pytest.mark.parametrize(
+    ('x', 'y', 'steepest', 'line'),
+    [
+        ([0.0, 1.0, 2.0], [0.0, 3.0, 2.0], 10.0, (0.0, 1.0)),
+        ([0.0, 1.0], [0.0, 3.0], 1.0, (0.0, 1.0)),
+        ([5.0], [3.0], 1.0, (3.0, 0.0)),
+    ],
+    ids=['from below', 'no steeper than allowed', 'level under one point'],
+)
+def test_the_lower_line_touches_the_cloud(
+    x: list[float], y: list[float], steepest: float, line: tuple[float, float]
+) -> None:
+    assert lower_line(np.array(x), np.array(y), steepest) == pytest.approx(line)
 
 
 def test_of_a_bouncing_contact_the_first_edge_counts() -> None:
@@ -260,8 +261,7 @@ def test_matched_edges_are_numbered_as_in_the_lists_that_were_given() -> None:
     rng = np.random.default_rng(8)
     edges = np.round(line(30, rng) * 1e9).astype(np.int64)
     bouncing = np.sort(np.concatenate([edges, edges[5:6] + 8_000_000]))
-    fit = fit_clocks(bouncing, edges)
-    assert isinstance(fit, ClockFit), fit
+    fit = fitted(bouncing, edges)
     assert bouncing[fit.device_index].tolist() == edges[fit.host_index].tolist() == edges.tolist()
 
 
@@ -291,6 +291,5 @@ def test_edges_that_claim_to_be_known_better_than_they_are_do_not_pull_the_clock
         seen_s = host_s + rng.uniform(-1, 1, 300) * half_s + rng.uniform(-0.01, 0.01, 300)
         order = np.argsort(seen_s)
         device_ns, host_ns = (np.round(each * 1e9).astype(np.int64) for each in (seen_s[order], host_s))
-        found = fit_clocks(device_ns, host_ns, SyncLimits(0.03), None, None, half_s[order], np.full(300, 0.0005))
-        assert isinstance(found, Refusal), found.bound_s
+        found = refused(device_ns, host_ns, SyncLimits(0.03), None, None, half_s[order], np.full(300, 0.0005))
         assert found.reason == Reason.RESIDUALS

@@ -10,6 +10,8 @@ import pytest
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
+from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
+from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM, AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -189,13 +191,32 @@ def test_a_correction_is_added_in_the_known_gels_units() -> None:
 
 
 def test_a_readout_comes_back_from_its_arrays() -> None:
-    made = readout()
-    arrays, entries = readout_arrays(made)
-    again = readout_from(arrays, entries, BinGrid())
-    features = seen([(3.3, -5.2, 0.6)])
+    """With all that a calibration may add to it; 16 bit floats are exact to a two-thousandth."""
+    prior = ErrorPrior((10, 40), np.stack([np.full((20, 3), 3.0), np.full((20, 3), 1.0)]))
+    unsure = np.full((64, 2, 5, 1), 0.1)
+    made = readout(
+        prior=prior,
+        correction=dataclasses.replace(readout().correction, local=np.tile([0.1, -0.2, 0.04], (3, 3, 1))),
+        response=dataclasses.replace(response(), smear=RadialSmear(-0.4, 0.1), unsure=unsure),
+    )
+    again, features = readout_from(*readout_arrays(made), BinGrid()), seen([(3.3, -5.2, 0.6)])
     assert again.read(features, SURE).contacts[0].force_n == pytest.approx(
         made.read(features, SURE).contacts[0].force_n, abs=1e-4
     )
+    assert again.correction.local == pytest.approx(made.correction.local)
+    assert again.prior.presses == prior.presses
+    assert again.prior.terms == pytest.approx(prior.terms)
+    assert again.response.smear == RadialSmear(-0.4, 0.1)
+    assert again.response.unsure == pytest.approx(unsure, rel=5e-4)
+
+
+def test_a_file_of_before_has_none_of_what_was_added_later() -> None:
+    arrays, entries = readout_arrays(readout())
+    assert not {'local', 'carried', 'unsure'} & arrays.keys()
+    del entries['streak']
+    again = readout_from(arrays, entries, BinGrid())
+    assert (again.correction.local, again.prior, again.response.unsure) == (None, None, None)
+    assert again.response.smear == RadialSmear()
 
 
 def test_another_number_of_features_is_refused() -> None:

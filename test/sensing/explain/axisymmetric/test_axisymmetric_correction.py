@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pytest
 from test_axisymmetric import readout
 
-from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.axisymmetric.correction import Correction, between
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 
 TABLE = np.array([[[0.0], [1.0]], [[2.0], [3.0]]])
 """1 for each half of the way to the right, 2 for each down."""
@@ -37,21 +34,3 @@ def test_places_are_added_to_and_forces_grow_by_a_share() -> None:
     plain = dataclasses.replace(readout().correction, local=None)(found)
     more = local(0.1, -0.2, 0.04)(found)
     assert more == pytest.approx((plain + np.array([[0.1, -0.2, 0.0]])) * np.array([1.0, 1.0, 1.04]))
-
-
-def table_of(arrays: dict[str, np.ndarray], entries: dict[str, Any]) -> np.ndarray | None:
-    made = readout_from(arrays, entries, readout().bins)
-    assert isinstance(made, AxisymmetricReadout)
-    return made.correction.local
-
-
-def test_it_comes_back_from_a_file() -> None:
-    whole = dataclasses.replace(readout(), correction=local(0.1, -0.2, 0.04))
-    again = table_of(*readout_arrays(whole))
-    assert again == pytest.approx(whole.correction.local)
-
-
-def test_a_file_of_before_adds_nothing() -> None:
-    arrays, entries = readout_arrays(readout())
-    assert 'local' not in arrays
-    assert table_of(arrays, entries) is None

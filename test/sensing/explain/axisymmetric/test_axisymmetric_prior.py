@@ -24,23 +24,9 @@ def test_terms_after_one_number_of_presses_serve_for_all() -> None:
     assert once.after(100) == pytest.approx(TERMS[0])
 
 
-def test_it_comes_back_from_a_file() -> None:
-    whole = readout(prior=PRIOR)
-    again = readout_from(*readout_arrays(whole), whole.bins).prior
-    assert again is not None
-    assert again.presses == PRIOR.presses
-    assert again.terms == pytest.approx(TERMS)
-
-
 def test_a_table_beside_it_in_a_file_of_before_is_left_aside() -> None:
     whole = readout(prior=PRIOR)
     arrays, entries = readout_arrays(whole)
     again = readout_from({**arrays, 'carried_local': np.ones((2, 5, 5, 3), np.float16)}, entries, whole.bins)
     assert again.prior.after(10) == pytest.approx(TERMS[0])
     assert again.correction.local is None
-
-
-def test_a_file_without_it_carries_nothing() -> None:
-    arrays, entries = readout_arrays(readout())
-    assert 'carried' not in arrays
-    assert readout_from(arrays, entries, readout().bins).prior is None

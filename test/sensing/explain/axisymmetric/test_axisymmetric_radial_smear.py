@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import NEAR_MM, SMEAR_MM, WIDE_MM, RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 
@@ -62,21 +61,3 @@ def test_without_smear_motion_is_as_far_away_alike_on_all_sides() -> None:
     presses = np.array([[*(place * (1 + sign * 4 / np.linalg.norm(place))), 0.5] for sign in (1, -1)])
     outer, inner = plain.motion(presses)[:, 0]
     assert outer == pytest.approx(-inner, abs=1e-9)
-
-
-def test_a_model_file_keeps_the_smear() -> None:
-    from test_axisymmetric import readout
-
-    made = dataclasses.replace(
-        readout(), response=dataclasses.replace(readout().response, smear=RadialSmear(-0.4, 0.1))
-    )
-    arrays, entries = readout_arrays(made)
-    assert readout_from(arrays, entries, made.bins).response.smear == RadialSmear(-0.4, 0.1)
-
-
-def test_a_model_file_of_before_has_none() -> None:
-    from test_axisymmetric import readout
-
-    arrays, entries = readout_arrays(readout())
-    del entries['streak']
-    assert readout_from(arrays, entries, readout().bins).response.smear == RadialSmear()

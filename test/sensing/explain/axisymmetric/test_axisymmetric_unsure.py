@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from test_axisymmetric import SURE, readout, response, seen
 
-from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
-
 CONTACT = np.array([[3.0, -2.0, 0.5]])
 REGIONS = 64
 LATERAL_X, VERTICAL, PLACE_X = 0, 2, 3
@@ -63,16 +61,3 @@ def test_a_contact_read_by_unsure_regions_is_less_sure() -> None:
     made = [readout(response=dataclasses.replace(response(), unsure=each)) for each in (None, unsure(VERTICAL, 0.3))]
     sure, less = (each.read(seen([(3.0, -2.0, 0.5)]), SURE).contacts[0] for each in made)
     assert less.sigma_n > 1.2 * sure.sigma_n
-
-
-def test_a_model_file_keeps_how_unsure_regions_are() -> None:
-    """As 16 bit floats, which are exact to a two-thousandth."""
-    made = readout(response=dataclasses.replace(response(), unsure=unsure(VERTICAL, 0.1)))
-    again = readout_from(*readout_arrays(made), made.bins).response.unsure
-    assert again == pytest.approx(unsure(VERTICAL, 0.1), rel=5e-4)
-
-
-def test_a_model_file_of_known_regions_says_nothing_of_it() -> None:
-    arrays, entries = readout_arrays(readout())
-    assert 'unsure' not in arrays
-    assert readout_from(arrays, entries, readout().bins).response.unsure is None
