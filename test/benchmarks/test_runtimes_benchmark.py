@@ -5,21 +5,17 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from coarse_model import SHAPE, config_of, random_network
 
 from benchmarks import runtimes
 from benchmarks.runtimes.ends import BEGIN
 from benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.cli.main import main
-from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.model_file import save_model
-from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 from tactile_nodes.sensing.features import Features
 
 INSTALLED = find_spec('onnx') is not None and find_spec('onnxruntime') is not None
@@ -28,30 +24,11 @@ pytestmark = [
     pytest.mark.skipif(not INSTALLED, reason='onnx or onnxruntime is not installed'),
 ]
 
-SHAPE = (10, 10, 2)
-
 
 @pytest.fixture(scope='module')
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A network of random weights."""
-    config = TrainConfig(data=DataConfig(seed=3), encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}))
-    random = np.random.default_rng(0)
-    weights = tuple(random.normal(0, 0.1, shape).astype(np.float32) for shape in ((8, 200), (81, 8)))
-    ones = np.ones(SHAPE, np.float32)
-    readout = NetworkReadout(
-        InputScaling(0 * ones, ones, ones[..., 0]),
-        Mlp(weights, (np.zeros(8, np.float32), np.zeros(81, np.float32))),
-        config.bins,
-    )
-    card = {
-        'flow': {'name': 'dis', 'options': config.make_flow().options},
-        'encoding': {'name': 'cartesian_mean', 'options': config.make_encoding().options},
-        'crop_px': 440, 'gel': {'id': config.gel.gel_id, **asdict(config.gel)},
-        'data': {**config.data.simulated(), 'origin': 'simulated'},
-    }  # fmt: skip
     file = tmp_path_factory.mktemp('models') / 'small.safetensors'
-    save_model(file, ForceModel(FeatureLayout('cartesian_mean', *SHAPE), config.bins, readout), card)
-    return file
+    return random_network(file, config_of(), hidden=(8,), size=0.1, seed=0)
 
 
 @pytest.fixture(scope='module')

@@ -3,44 +3,23 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import pytest
+from coarse_model import config_of, random_network
 
 from benchmarks import accuracy
 from benchmarks.accuracy.page import page
 from benchmarks.harness.report import surroundings
 from tactile_nodes.cli.main import main
-from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.model_file import save_model
-from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
-SHAPE = (10, 10, 2)
-
 
 def save(file: Path, seconds: float, hidden: int) -> Path:
-    """A network of random weights that claims a training time."""
-    config = TrainConfig(data=DataConfig(seed=3), encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}))
-    random = np.random.default_rng(hidden)
-    weights = [random.normal(0, 0.01, shape).astype(np.float32) for shape in ((hidden, 200), (81, hidden))]
-    biases = np.zeros(hidden, np.float32), np.zeros(81, np.float32)
-    ones = np.ones(SHAPE, np.float32)
-    scaling = InputScaling(0 * ones, ones, ones[..., 0])
-    readout = NetworkReadout(scaling, Mlp(tuple(weights), biases), config.bins)
-    card = {
-        'flow': {'name': 'dis', 'options': config.make_flow().options},
-        'encoding': {'name': 'cartesian_mean', 'options': config.make_encoding().options},
-        'crop_px': 440, 'gel': {'id': config.gel.gel_id, **asdict(config.gel)},
-        'data': {**config.data.simulated(), 'origin': 'simulated'}, 'training': {'seconds': seconds, 'device': 'cpu'},
-    }  # fmt: skip
-    save_model(file, ForceModel(FeatureLayout('cartesian_mean', *SHAPE), config.bins, readout), card)
-    return file
+    """A network that claims a training time."""
+    return random_network(file, config_of(), hidden=(hidden,), seed=hidden, seconds=seconds)
 
 
 @pytest.fixture(scope='module')

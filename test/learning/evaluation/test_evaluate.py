@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from coarse_model import config_of, random_network
 
 from tactile_nodes.errors import DatasetError, ModelError
-from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.evaluation import picture
 from tactile_nodes.learning.evaluation.evaluate import (
     Evaluation,
@@ -27,37 +27,21 @@ from tactile_nodes.learning.evaluation.tables import comparison, report, write_e
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import simulated_data
 from tactile_nodes.model_file import load_model, save_model
-from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.network import TotalSpread
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
 
-def config_for(**data: object) -> TrainConfig:
-    settings = {'presses': 20, 'seed': 3, 'frames_per_rest_image': 2, 'processes': 1, **data}
-    return TrainConfig(data=DataConfig(**settings), encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}))  # type: ignore[arg-type]
-
-
-def save(file: Path, config: TrainConfig, origin: dict[str, object], seed: int = 1) -> Path:
-    """A network of random weights: what it says is nonsense, but it says it."""
-    random = np.random.default_rng(seed)
-    shape = (10, 10, 2)
-    scaling = InputScaling(np.zeros(shape, np.float32), np.ones(shape, np.float32), np.ones((10, 10), np.float32))
-    network = Mlp((random.normal(0, 0.01, (81, 200)).astype(np.float32),), (np.zeros(81, np.float32),))
-    readout = NetworkReadout(scaling, network, config.bins, spread=TotalSpread(0.5, 0.1))
-    card = {
-        'flow': {'name': config.flow.name, 'options': config.make_flow().options},
-        'encoding': {'name': config.encoding.name, 'options': config.make_encoding().options},
-        'crop_px': 440, 'gel': {'id': config.gel.gel_id, **asdict(config.gel)}, 'data': origin,
-        'training': {'seconds': 2.0, 'device': 'cpu'},
-    }  # fmt: skip
-    save_model(file, ForceModel(FeatureLayout('cartesian_mean', *shape), config.bins, readout), card)
-    return file
+FEW = {'presses': 20, 'frames_per_rest_image': 2, 'processes': 1}
+SPREAD = TotalSpread(0.5, 0.1)
 
 
 def random_model(file: Path, seed: int = 1) -> Path:
-    config = config_for()
-    return save(file, config, {**config.data.simulated(), 'origin': 'simulated'}, seed)
+    return random_network(file, config_of(**FEW), seed=seed, spread=SPREAD)
+
+
+def of_origin(file: Path, origin: dict[str, object], seed: int = 1, **data: object) -> Path:
+    return random_network(file, config_of(**FEW, **data), seed=seed, spread=SPREAD, origin=origin)
 
 
 @pytest.fixture(scope='module')
@@ -109,7 +93,7 @@ def test_several_models_stand_side_by_side(scores: Evaluation, tmp_path: Path) -
 
 
 def test_a_gel_that_is_simulated_otherwise_now_is_reported(tmp_path: Path) -> None:
-    config = config_for()
+    config = config_of(**FEW)
     file = random_model(tmp_path / 'old.safetensors')
     gel = {**asdict(config.gel), 'id': 'ofanearlier'}
     card = {'flow': {'name': 'dis', 'options': {}}, 'encoding': dataclasses.asdict(config.encoding), 'crop_px': 440}
@@ -128,25 +112,23 @@ def test_presses_stay_on_a_smaller_gel(tmp_path: Path) -> None:
 
 
 def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path, tmp_path: Path) -> None:
-    config = config_for(plan='paper')
-    data = simulated_data(config, Progress())
+    data = simulated_data(config_of(**FEW, plan='paper'), Progress())
     origin = {**data.origin, 'fingerprint': data.dataset.fingerprint}
-    grid = save(tmp_path / 'grid.safetensors', config, origin)
+    grid = of_origin(tmp_path / 'grid.safetensors', origin, plan='paper')
     own = evaluate_put_aside(grid)
     assert own.groups['all presses'].presses == 4  # a fifth of 20
     assert 'put aside by sample of the paper plan' in own.data
     np.testing.assert_allclose(evaluate_put_aside(model, of=grid).answers.place_mm, own.answers.place_mm)
-    other = save(tmp_path / 'other.safetensors', config, {**origin, 'split_id': 'another'}, seed=2)
+    other = of_origin(tmp_path / 'other.safetensors', {**origin, 'split_id': 'another'}, seed=2, plan='paper')
     with pytest.raises(ModelError, match='may have seen the test set of that one'):
         evaluate_put_aside(other, of=grid)
     with pytest.raises(ModelError, match='has no simulated test set'):
         evaluate_put_aside(grid, of=model)
-    coarse = save(
-        tmp_path / 'coarse.safetensors', config_for(plan='coarse'), {**origin, 'plan': 'coarse', 'split_id': 'c'}
-    )
+    coarse_origin = {**origin, 'plan': 'coarse', 'split_id': 'c'}
+    coarse = of_origin(tmp_path / 'coarse.safetensors', coarse_origin, plan='coarse')
     with pytest.raises(ModelError, match='may have seen the test set of that one'):
         evaluate_put_aside(coarse, of=grid)
-    real = save(tmp_path / 'real.safetensors', config, {'origin': 'recorded'}, seed=2)
+    real = of_origin(tmp_path / 'real.safetensors', {'origin': 'recorded'}, seed=2, plan='paper')
     with pytest.raises(ModelError, match='was not trained on the simulated gel'):
         evaluate_put_aside(real, of=grid)
 

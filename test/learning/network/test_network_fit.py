@@ -4,13 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny_training import tiny_config, tiny_held_out, tiny_presses
+from told import Told
 
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import TrainConfig
@@ -32,25 +32,6 @@ DULL = {'initial_weights': 'glorot', 'output_unit': 'newton', 'input_scaling': '
 def without_novelty_check(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes longer than such a training, and has tests of its own."""
     monkeypatch.setattr(network_fit, 'with_novelty_check', lambda readout, *_: readout)
-
-
-class Teller(Progress):
-    """Remembers what is said; interrupts after some epochs if asked to."""
-
-    def __init__(self, interrupt_after: int = 10**9) -> None:
-        self.said: list[str] = []
-        self.left = interrupt_after
-
-    def bar(self, title: str, steps: int):  # type: ignore[no-untyped-def]
-        return nullcontext(self)
-
-    def advance(self, steps: int = 1, text: str = '') -> None:
-        self.left -= 1
-        if self.left <= 0:
-            raise KeyboardInterrupt
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
 
 
 def fitted(config: TrainConfig, progress: Progress | None = None, run: Run | None = None):  # type: ignore[no-untyped-def]
@@ -87,19 +68,19 @@ def test_a_training_that_was_killed_goes_on_to_the_same_network(tmp_path: Path):
     with RunFolder(tmp_path, tiny_config(), 'tiny') as run:
         reached = run.resume().counters.epoch  # type: ignore[union-attr]
     config = tiny_config(epochs=reached + 15)
-    progress = Teller()
+    progress = Told()
     resumed, report = fitted_in(tmp_path, config, progress)
     whole, _ = fitted(config)
     assert reached >= 6
-    assert progress.said[0] == f'the run continues after epoch {reached}; --fresh trains it again'
+    assert progress.lines[0] == f'the run continues after epoch {reached}; --fresh trains it again'
     assert report['epochs_run'] == reached + 15
     assert_same_numbers(resumed, whole)
 
 
 def test_an_interrupted_training_goes_on_through_a_restart_to_the_same_network(tmp_path: Path):
     config = tiny_config(DULL, learning_rate=1e-5, plateau_epochs=4, epochs=14)
-    fitted_in(tmp_path, config, Teller(interrupt_after=6))
-    resumed, report = fitted_in(tmp_path, config, Teller())
+    fitted_in(tmp_path, config, Told(ctrl_c_at=6))
+    resumed, report = fitted_in(tmp_path, config, Told())
     whole, _ = fitted(config)
     assert report['restarts'] > 0
     assert_same_numbers(resumed, whole)
@@ -108,9 +89,9 @@ def test_an_interrupted_training_goes_on_through_a_restart_to_the_same_network(t
 def test_a_run_that_is_over_is_not_trained_again(tmp_path: Path):
     config = tiny_config(epochs=3)
     first, _ = fitted_in(tmp_path, config)
-    progress = Teller(interrupt_after=1)
+    progress = Told(ctrl_c_at=1)
     again, report = fitted_in(tmp_path, config, progress)
-    assert 'had ended (most epochs) after epoch 3' in progress.said[0]
+    assert 'had ended (most epochs) after epoch 3' in progress.lines[0]
     assert report['ended'] == 'most epochs'
     assert_same_numbers(first, again)
 
@@ -138,29 +119,29 @@ def test_a_damaged_checkpoint_is_refused_with_what_to_do(tmp_path: Path):
 
 
 def test_ctrl_c_keeps_the_best_network_so_far():
-    _, report = fitted(tiny_config(), Teller(interrupt_after=4))
+    _, report = fitted(tiny_config(), Told(ctrl_c_at=4))
     assert report['epochs_run'] == 4
     assert report['ended'] == 'interrupted'
 
 
 def test_a_network_on_the_all_zero_answer_is_begun_anew_and_that_is_reported():
     """With raw inputs and a small step the network says nothing; the restart does what is known to help."""
-    progress = Teller()
+    progress = Told()
     config = tiny_config({**DULL, 'dropout': 0.0}, learning_rate=1e-3, loss='armse', warm_up_epochs=0,
                          plateau_epochs=3, epochs=60, patience=60)  # fmt: skip
     _, report = fitted(config, progress)
     assert report['restarts'] >= 1
-    assert '3 epochs of the all-zero answer' in progress.said[0]
+    assert '3 epochs of the all-zero answer' in progress.lines[0]
     assert not report['predicts_nothing']
 
 
 def test_a_network_may_wait_on_the_all_zero_answer_if_asked_to():
     """With a vanishing step it stays silent: 6 epochs pass although 3 without progress are the limit."""
-    progress = Teller()
+    progress = Told()
     _, report = fitted(tiny_config(DULL, learning_rate=1e-9, epochs=6, patience=3, plateau='wait'), progress)
     assert (report['epochs_run'], report['restarts']) == (6, 0)
     assert report['predicts_nothing']
-    assert 'predicts only zero' in progress.said[-1]
+    assert 'predicts only zero' in progress.lines[-1]
 
 
 def test_restarts_come_to_an_end():

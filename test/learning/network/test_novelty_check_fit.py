@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from responding_gel import CONFIG, motion, presses
+from told import Told
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.novelty_check_fit import config_for, with_novelty_check
@@ -37,30 +37,12 @@ def of_contacts(*contacts: tuple[float, float, float]) -> np.ndarray:
     return sum(motion(np.array([each[:2]]), np.array(each[2:]))[0] for each in contacts)  # type: ignore[return-value]
 
 
-class Recording(Progress):
-    """Remembers what is said; on request Ctrl-C comes with the first step."""
-
-    def __init__(self, stopped: bool = False) -> None:
-        self.lines: list[str] = []
-        self.stopped = stopped
-
-    def bar(self, title: str, steps: int):  # type: ignore[no-untyped-def]
-        return nullcontext(self)
-
-    def advance(self, steps: int = 1, text: str = '') -> None:
-        if self.stopped:
-            raise KeyboardInterrupt
-
-    def say(self, text: str) -> None:
-        self.lines.append(text)
-
-
 def made(data: Dataset, encoding: str, progress: Progress) -> NetworkReadout:
     return with_novelty_check(NETWORK, data, np.zeros(len(data.presses), bool), encoding, progress, CONFIG)
 
 
 def test_a_novelty_check_of_polar_features_finds_force_and_place_of_one_contact_and_is_not_content_with_two():
-    data, progress = presses(700, 1), Recording()
+    data, progress = presses(700, 1), Told()
     novelty_check = made(replace(data, features=polar(data.features)), 'polar_mean', progress).novelty_check
     one = novelty_check.read(polar(of_contacts((3.0, -2.0, 0.4))), SURE)
     contact = one.contacts[0]
@@ -81,13 +63,13 @@ def test_splines_lie_as_close_as_presses_can_tell(count: int, apart_mm: float):
 
 
 def test_presses_without_the_untouched_gel_give_no_novelty_check_and_say_so():
-    data, progress = presses(300, 1, still=0.0), Recording()
+    data, progress = presses(300, 1, still=0.0), Told()
     assert made(data, 'cartesian_mean', progress).novelty_check is None
     assert 'no novelty check' in progress.lines[0]
     assert '12 images of the untouched gel' in progress.lines[0]
 
 
 def test_who_does_not_wait_for_the_novelty_check_keeps_the_network():
-    progress = Recording(stopped=True)
+    progress = Told(ctrl_c_at=1)
     assert made(presses(700, 1), 'cartesian_mean', progress).novelty_check is None
     assert progress.lines[0].endswith('stopped')

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from press_bags import DEPTHS_MM, PERIOD_NS, PLACES_MM, SECOND_NS, START_NS, Collection, Sensor
+from told import Told
 
 from benchmarks.devices.sync_line import RecorderFaults, recorded
 from tactile_nodes import messages
@@ -27,7 +28,6 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.report import report
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded import exclusions
 from tactile_nodes.learning.recorded.bags import CollectionBag
 from tactile_nodes.learning.recorded.building import BuildOptions, build
@@ -159,14 +159,6 @@ def test_the_card_tells_offset_drift_and_residuals(foreign: RecordedPresses) -> 
     assert 'camera: +0.29' in report(foreign) and 'corrected' in report(foreign)
 
 
-class Heard(Progress):
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def say(self, text: str) -> None:
-        self.said.append(text)
-
-
 def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
     tmp_path: Path, sensor: Sensor, plain: RecordedPresses
 ) -> None:
@@ -177,37 +169,37 @@ def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
     made.reference(0)
     for slot in range(2):
         made.press(slot, slot + 1, 0.0, 0.0, 1.0)
-    heard = Heard()
-    found = build([made.close()], COARSE, heard)
+    told = Told()
+    found = build([made.close()], COARSE, told)
     (entry,) = found.card['bags'][0]['clocks']
     assert entry['refused'] == 'too few edges' and not entry['corrected']
     words = 'the clock of camera could not be compared with that of rig: too few edges seen by both to synchronise: 5, '
-    assert any(words in text for text in heard.said)
+    assert any(words in text for text in told.lines)
     assert 'camera: not known, 5 edges' in report(found)
     assert found.stamp_ns[0] == START_NS + 3 * SECOND_NS
 
 
-def test_images_that_the_rig_took_by_a_wrong_clock_are_left_out(tmp_path: Path, sensor: Sensor) -> None:
-    """The rig chose them by stamps; by the corrected clock they were taken 0.3 s before the window."""
+def stamped_late(folder: Path, sensor: Sensor, late_ns: int) -> Path:
+    """One press, of which the rig chose the images by the stamps of a clock that is late."""
     sensor.begin_anew()
-    made = SeveralClocks(tmp_path / 'live', sensor)
+    made = SeveralClocks(folder, sensor)
     made.edges('rig', seen_by(None, line()))
-    made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + 300_000_000, 0.0, 64), line()))
+    made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + late_ns, 0.0, 64), line()))
     made.reference(0)
     made.press(0, 1, 0.0, 0.0, 1.0)
+    return made.close()
+
+
+def test_images_that_the_rig_took_by_a_wrong_clock_are_left_out(tmp_path: Path, sensor: Sensor) -> None:
+    """By the corrected clock they were taken 0.3 s before the window."""
     with pytest.raises(DatasetError, match=exclusions.OTHER_TIME):
-        build([made.close()], COARSE)
+        build([stamped_late(tmp_path / 'live', sensor, 300_000_000)], COARSE)
 
 
 def test_images_at_the_border_of_a_window_go_and_the_others_stay(tmp_path: Path, sensor: Sensor) -> None:
     """Stamped 10 ms late, the first image of the window was taken before it."""
-    sensor.begin_anew()
-    made = SeveralClocks(tmp_path / 'late', sensor)
-    made.edges('rig', seen_by(None, line()))
-    made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + 10_000_000, 0.0, 64), line()))
-    made.reference(0)
-    made.press(0, 1, 0.0, 0.0, 1.0)
-    assert build([made.close()], dataclasses.replace(COARSE, frames='mean', without_contact=0.0)).frames.tolist() == [2]
+    bag = stamped_late(tmp_path / 'late', sensor, 10_000_000)
+    assert build([bag], dataclasses.replace(COARSE, frames='mean', without_contact=0.0)).frames.tolist() == [2]
 
 
 def force_bag(folder: Path, sensor: Sensor, sensor_sees: bool) -> Path:

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from press_bags import DEPTHS_MM, FRAME_NS, FRAMES, PLACES_MM, SECOND_NS, START_NS, Collection, Sensor
+from told import Told
 
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE
 from tactile_nodes.conversions import image_array
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.recordings import RETRIED, RecordedPresses
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded import exclusions
 from tactile_nodes.learning.recorded.bags import CollectionBag
 from tactile_nodes.learning.recorded.building import BuildOptions, build
@@ -105,11 +105,6 @@ def test_a_new_rest_image_has_a_new_name(presses: RecordedPresses) -> None:
     assert len(set(presses.reference_id[:6])) == len(set(presses.reference_id[6:])) == 1
     assert presses.reference_id[0] != presses.reference_id[11]
     assert presses.confidence_row.tolist() == [0] * 6 + [1] * 6
-
-
-def test_deeper_presses_move_more(presses: RecordedPresses) -> None:
-    motion = np.abs(presses.features.astype(np.float32)).mean(axis=(1, 2, 3)).reshape(4, 3)
-    assert (np.diff(motion, axis=1) > 0).all()
 
 
 def test_each_image_can_be_a_sample_of_its_own(bag: Path) -> None:
@@ -330,28 +325,10 @@ def test_after_ctrl_c_the_next_run_goes_on_from_what_was_measured(
 ) -> None:
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
     with pytest.raises(KeyboardInterrupt):
-        build([bag], COARSE, Interrupted(after=5))
-    counter = Interrupted(after=10**6)
-    build([bag], COARSE, counter)
-    assert counter.texts[-1] == '14 measured, 10 known, 0 out'  # a press, and the gel before it
-
-
-class Interrupted(Progress):
-    """Ctrl-C after some steps."""
-
-    def __init__(self, after: int) -> None:
-        self.left, self.texts = after, []
-
-    def bar(self, title: str, steps: int):  # type: ignore[no-untyped-def]
-        import contextlib
-
-        return contextlib.nullcontext(self)
-
-    def advance(self, steps: int = 1, text: str = '') -> None:
-        self.left -= 1
-        self.texts.append(text)
-        if not self.left:
-            raise KeyboardInterrupt
+        build([bag], COARSE, Told(ctrl_c_at=5))
+    told = Told()
+    build([bag], COARSE, told)
+    assert told.steps[-1] == '14 measured, 10 known, 0 out'  # a press, and the gel before it
 
 
 def test_a_damaged_cache_is_named(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -371,21 +348,11 @@ def test_a_bag_without_presses_is_refused(tmp_path: Path) -> None:
         build([tmp_path / 'empty'], COARSE)
 
 
-class Lines(Progress):
-    """Keeps what is said."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def say(self, text: str) -> None:
-        self.lines.append(text)
-
-
 def test_a_bag_of_a_run_that_never_pressed_is_left_out(bag: Path, tmp_path: Path) -> None:
     from tactile_nodes.bag.writer import BagWriter
 
     BagWriter(tmp_path / 'empty').close()
-    told = Lines()
+    told = Told()
     assert build([tmp_path / 'empty', bag], COARSE, told).fingerprint == build([bag], COARSE).fingerprint
     assert any('left out' in line and str(tmp_path / 'empty') in line for line in told.lines)
 
@@ -394,11 +361,6 @@ def test_if_no_press_can_be_used_the_reasons_are_reported(collection: Collection
     collection.press(0, 1, 0.0, 0.0, 0.5, frames=1)
     with pytest.raises(DatasetError, match=r'no press of .* can be used: 1 lost frames \(the first: 1 images'):
         build([collection.close()], COARSE)
-
-
-def test_an_unknown_flow_is_refused(bag: Path) -> None:
-    with pytest.raises(ConfigurationError, match='no flow method'):
-        build([bag], dataclasses.replace(COARSE, flow=Choice('nonsense')))
 
 
 def test_a_sensor_is_chosen_by_its_namespace(tmp_path: Path, sensor: Sensor) -> None:

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 from press_bags import OTHER, SECOND_NS, START_NS, Collection, Sensor
+from told import Told
 
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.imported.importing import Imported, import_presses
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
@@ -25,14 +25,8 @@ pytestmark = pytest.mark.usefixtures('own_cache')
 COARSE = BuildOptions(encoding=Choice('cartesian_mean', {'rows': 20, 'cols': 20}), without_contact=0.0)
 
 
-class Lines(Progress):
-    """Keeps the warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def say(self, text: str) -> None:
-        self.warnings += [text] if 'markers' in text else []
+def warnings(told: Told) -> list[str]:
+    return [each for each in told.lines if 'markers' in each]
 
 
 def collected(folder: Path, hour: int, sensors: Sequence[Sensor]) -> Path:
@@ -61,28 +55,28 @@ def pressed(folder: Path, sensor: Sensor) -> Imported:
 
 def test_bags_of_two_gels_are_named_once_for_each_rest_image(tmp_path: Path, sensor: Sensor) -> None:
     """Two bags of one gel, each with noise of its own, then one of another gel, with two rest images."""
-    lines, other = Lines(), Sensor(OTHER)
+    told, other = Told(), Sensor(OTHER)
     bags = [collected(tmp_path, hour, of) for hour, of in enumerate(([sensor], [sensor], [other, other]))]
-    assert len(build(bags, replace(COARSE, separate_runs=True), lines)) == 4
+    assert len(build(bags, replace(COARSE, separate_runs=True), told)) == 4
     sentence = f'{bags[2]}: a rest image shows other markers than the first one of {bags[0]}: it is another gel'
-    assert [each.startswith(sentence) for each in lines.warnings] == [True, True]
+    assert [each.startswith(sentence) for each in warnings(told)] == [True, True]
 
 
 def test_tables_of_two_gels_are_named(tmp_path: Path, sensor: Sensor) -> None:
-    lines = Lines()
+    told = Told()
     sources = [pressed(tmp_path / name, of) for name, of in (('a', sensor), ('b', sensor), ('c', Sensor(OTHER)))]
-    assert import_presses(sources, COARSE, progress=lines, forced=True).contact.sum() == 6
+    assert import_presses(sources, COARSE, progress=told, forced=True).contact.sum() == 6
     first, _, other = (each.table.file for each in sources)
-    assert [each.split(': it is')[0] for each in lines.warnings] == [
+    assert [each.split(': it is')[0] for each in warnings(told)] == [
         f'{other}: a rest image shows other markers than the first one of {first}'
     ]
 
 
 def test_before_there_is_a_rest_image_nothing_is_said() -> None:
-    lines = Lines()
-    gels = Gels(lines)
+    told = Told()
+    gels = Gels(told)
     with Measurer(COARSE.flow, COARSE.encoding) as measurer:
         gels.see(Path('a'), measurer)
         measurer.use_reference(np.random.default_rng(1).integers(0, 255, (440, 440), np.uint8))
         gels.see(Path('b'), measurer)
-    assert lines.warnings == []
+    assert warnings(told) == []
