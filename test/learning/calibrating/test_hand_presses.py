@@ -162,9 +162,6 @@ def test_rows_of_an_indenter_that_is_not_chosen_need_no_body(
     ('lines', 'said'),
     [
         ([HEADER, 'press0.png,1,2,50'], 'no image of the untouched gel'),
-        ([HEADER, 'rest0.png,,,none'], 'must be a number'),
-        ([HEADER, 'rest0.png,,,-5'], 'must not be negative'),
-        ([HEADER, 'rest0.png,40,0,'], 'within 16 mm'),
         ([HEADER, ',,,0'], 'no image is named'),
         ([HEADER, 'rest0.png,,,0'], 'has no press, all forces are 0'),
         ([HEADER, 'rest0.png,,,0', 'press0.png,,,50', 'press1.png,1,2,'], 'line 3: a press needs x, y and .* line 4'),
@@ -185,10 +182,8 @@ def test_what_a_gauge_shows_of_nothing_is_no_press_where_that_is_said(
     (folder / 'gauge.csv').write_text('\n'.join(rows) + '\n')
     words = ['calibrate', '--pictures', str(folder / 'gauge.csv'), '--model', 'portable', '-o', str(folder / 'g.x')]
     assert main(words) == 1
-    assert (
-        'line 2: force_n must not be negative' in (message := capsys.readouterr().err)
-        and '--untouched-below N' in message
-    )
+    message = capsys.readouterr().err
+    assert 'line 2: force_n must not be negative' in message and '--untouched-below N' in message
     assert main([*words, '--untouched-below', '0.1']) == 1
     assert 'a calibration needs presses at least at 5 places, but there are 2' in capsys.readouterr().err
 

@@ -79,6 +79,22 @@ def imported(table: Path, output: Path, *words: str) -> int:
     return main(['dataset', 'import', str(table), '-o', str(output), *sensor, *words])
 
 
+@pytest.fixture
+def refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """With which words the pictures in the folder and a table of these rows are refused."""
+
+    def words_of(rows: list[Row], *words: str, header: Row = HEADER) -> str:
+        table, output = written(folder / 'wrong.csv', rows, header), tmp_path / 'presses.npz'
+        output.write_bytes(b'of yesterday')
+        assert imported(table, output, *words) == 1
+        assert output.read_bytes() == b'of yesterday'
+        message = capsys.readouterr().err
+        assert len(message.splitlines()) == 1
+        return message
+
+    return words_of
+
+
 @pytest.mark.parametrize('moved_mm', [0.003, 0.05])
 def test_a_camera_that_moves_between_presses_moves_no_feature(
     folder: Path, data_set: Path, tmp_path: Path, moved_mm: float
@@ -190,10 +206,6 @@ def each(change: Callable[[Row], object]) -> Callable[[Path], list[Row]]:
     return edited(lambda rows: [change(row) for row in rows[RESTS:]])
 
 
-def exchange(row: Row) -> None:
-    row[1], row[2] = row[2], row[1]
-
-
 def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
     def change(row: Row) -> None:
         row[column] = value(row[column])
@@ -204,7 +216,6 @@ def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
 @pytest.mark.parametrize(
     ('rows', 'said'),
     [
-        (each(exchange), 'x and y are swapped'),
         (each(put(3, lambda _: '0.3')), 'has one force for all presses, 0.3 N: press with at least two weights'),
         (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces must be below 200 N; check the unit'),
         (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places must be within 16 mm of the middle; check the unit'),
@@ -215,27 +226,17 @@ def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
     ],
 )  # fmt: skip
 def test_a_table_that_contradicts_its_pictures_makes_no_data_set(
-    rows: Callable[[Path], list[Row]], said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rows: Callable[[Path], list[Row]], said: str, folder: Path, refused: Callable[..., str]
 ) -> None:
-    table, output = written(folder / 'wrong.csv', rows(folder)), tmp_path / 'presses.npz'
-    output.write_bytes(b'of yesterday')
-    assert imported(table, output) == 1
-    message = capsys.readouterr().err
-    assert said in message
-    assert len(message.splitlines()) == 1
-    assert output.read_bytes() == b'of yesterday'
+    assert said in refused(rows(folder))
 
 
-def test_pictures_of_two_sizes_are_refused_with_their_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_of_two_sizes_are_refused_with_their_line(folder: Path, refused: Callable[..., str]) -> None:
     small = cv2.imread(str(folder / 'press3.png'), cv2.IMREAD_GRAYSCALE)[:400]
     cv2.imwrite(str(folder / 'small.png'), small)
     rows = rows_of(folder)
     rows[RESTS + 3][0] = 'small.png'
-    table = written(folder / 'sizes.csv', rows)
-    assert imported(table, tmp_path / 'presses.npz') == 1
-    assert 'line 9: image small.png has 640x400 pixels, but the description' in capsys.readouterr().err
+    assert 'line 9: image small.png has 640x400 pixels, but the description' in refused(rows)
 
 
 @pytest.mark.parametrize(
@@ -247,15 +248,14 @@ def test_pictures_of_two_sizes_are_refused_with_their_line(
     ],
 )
 def test_a_picture_that_shows_nothing_is_refused_with_its_line(
-    row: int, grey: int, said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    row: int, grey: int, said: str, folder: Path, refused: Callable[..., str]
 ) -> None:
     cv2.imwrite(str(folder / 'nothing.png'), np.full((480, 640), grey, np.uint8))
     rows = rows_of(folder)
     if grey:
         rows.insert(row, ['nothing.png', '', '', '0', ''])
     rows[row][0] = 'nothing.png'
-    assert imported(written(folder / 'nothing.csv', rows), tmp_path / 'presses.npz') == 1
-    assert f'line {row + 2}: {said}' in capsys.readouterr().err
+    assert f'line {row + 2}: {said}' in refused(rows)
 
 
 def test_a_full_disk_is_no_fault_of_a_row(
@@ -292,14 +292,11 @@ def test_pictures_of_the_untouched_gel_are_in_memory_once(folder: Path, tmp_path
         tracemalloc.stop()
 
 
-def test_a_picture_that_cannot_be_looked_for_is_named_with_its_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_picture_that_cannot_be_looked_for_is_named_with_its_line(folder: Path, refused: Callable[..., str]) -> None:
     """The system refuses the name, as it refuses a folder beside the table that is closed to this user."""
     rows = rows_of(folder)
     rows[0][0] = name = 'x' * 300
-    assert imported(written(folder / 'long.csv', rows), tmp_path / 'presses.npz') == 1
-    assert f'line 2: cannot read the image {folder / name} (File name too long)' in capsys.readouterr().err
+    assert f'line 2: cannot read the image {folder / name} (File name too long)' in refused(rows)
 
 
 @pytest.mark.parametrize(
@@ -313,21 +310,26 @@ def test_a_description_of_another_sensor_is_refused(
     assert said in capsys.readouterr().err
 
 
-def test_a_gel_without_markers_is_refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_gel_without_markers_is_refused(folder: Path, refused: Callable[..., str]) -> None:
     rows = rows_of(folder)
     cv2.imwrite(str(folder / 'blank.png'), np.full((480, 640), 90, np.uint8))
     for row in rows[:RESTS]:
         row[0] = 'blank.png'
-    assert imported(written(folder / 'blank.csv', rows), tmp_path / 'presses.npz') == 1
-    assert 'the rest image shows markers in only 0% of its regions' in capsys.readouterr().err
+    assert 'the rest image shows markers in only 0% of its regions' in refused(rows)
+
+
+def film(video: Path, pictures: list[Path]) -> Path:
+    """Ten pictures a second."""
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*'FFV1'), 10.0, (640, 480), False)
+    for file in pictures:
+        writer.write(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE))
+    writer.release()
+    return video
 
 
 def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, data_set: Path, tmp_path: Path) -> None:
-    rows, video = rows_of(folder), tmp_path / 'video.avi'
-    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*'FFV1'), 10.0, (640, 480), False)
-    for row in rows:
-        writer.write(cv2.imread(str(folder / row[0]), cv2.IMREAD_GRAYSCALE))
-    writer.release()
+    rows = rows_of(folder)
+    video = film(tmp_path / 'video.avi', [folder / row[0] for row in rows])
     timed = [[f'{number / 10:.2f}', *row[1:]] for number, row in enumerate(rows)]
     table = written(folder / 'times.csv', timed[::-1], ['time_s', *HEADER[1:]])
     assert imported(table, tmp_path / 'video.npz', '--pictures', str(video)) == 0
@@ -336,17 +338,12 @@ def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, data_set: Pat
 
 
 def test_a_time_after_the_end_of_the_video_is_reported(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, refused: Callable[..., str]
 ) -> None:
-    video = tmp_path / 'short.avi'
-    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*'FFV1'), 10.0, (640, 480), False)
-    for _ in range(3):
-        writer.write(cv2.imread(str(folder / 'rest0.png'), cv2.IMREAD_GRAYSCALE))
-    writer.release()
+    video = film(tmp_path / 'short.avi', 3 * [folder / 'rest0.png'])
     timed = [['0.0', '', '', '0', ''], ['0.1', '1', '1', '0.2', ''], ['9.0', '2', '2', '0.3', '']]
-    table = written(folder / 'times.csv', timed, ['time_s', *HEADER[1:]])
-    assert imported(table, tmp_path / 'video.npz', '--pictures', str(video)) == 1
-    assert 'line 4: time 9 s:' in (message := capsys.readouterr().err) and 'ends at 0.3 s' in message
+    message = refused(timed, '--pictures', str(video), header=['time_s', *HEADER[1:]])
+    assert 'line 4: time 9 s:' in message and 'ends at 0.3 s' in message
 
 
 def test_arrays_of_another_project_are_the_same_presses(folder: Path) -> None:
@@ -399,7 +396,7 @@ def test_consecutive_rows_that_differ_in_a_torque_are_presses_of_their_own(folde
 
 
 def test_a_wrong_picture_among_those_of_a_press_is_named_by_its_own_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, refused: Callable[..., str]
 ) -> None:
     """Three pictures of each press; the third ones of the first two presses are exchanged, 5 mm apart.
 
@@ -414,8 +411,7 @@ def test_a_wrong_picture_among_those_of_a_press_is_named_by_its_own_line(
             cv2.imwrite(str(folder / f'{number}_{name}'), image)
             table.append([f'{number}_{name}', *values])
     table[RESTS + 2][0], table[RESTS + 5][0] = table[RESTS + 5][0], table[RESTS + 2][0]
-    assert imported(written(folder / 'third.csv', table), tmp_path / 'x.npz', '--frames', 'each') == 1
-    assert 'does not move at the given place in lines 8, 11: correct images' in capsys.readouterr().err
+    assert 'does not move at the given place in lines 8, 11: correct images' in refused(table, '--frames', 'each')
 
 
 def test_pictures_of_two_tables_must_have_one_size(
