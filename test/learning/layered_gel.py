@@ -48,6 +48,18 @@ def pressed(terms: Terms, shares: np.ndarray, count: int) -> Dataset:
     return Dataset(motion.astype(np.float16), rows, np.zeros(count, int), np.ones((1, SIDE, SIDE), np.float32), 'made')
 
 
+def pressed_gel(real: Regions, count: int) -> Dataset:
+    """So many presses on a gel that is described otherwise than it is."""
+    places = np.random.default_rng(4).uniform(-12, 12, (count, 2))
+    made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
+    return pressed((places, made), nominal(), count)
+
+
+def response_of(real: Regions) -> np.ndarray:
+    true: np.ndarray = np.einsum('rptu,rt->rpu', real.terms_of_patches(np.arange(real.count)), nominal())
+    return true.reshape(2 * real.count, -1)
+
+
 def nominal() -> np.ndarray:
     """The shares that the description tells."""
     gel = regions()

@@ -29,8 +29,11 @@ def presses(count: int, seed: int, still: float = 0.15) -> Dataset:
     random = np.random.default_rng(seed)
     places, force = random.uniform(-REACH_MM, REACH_MM, (count, 2)), random.uniform(0.05, 1.0, count)
     force[random.random(count) < still] = 0.0
-    field = motion(places, force)
-    features = field + NOISE_PX * random.normal(size=field.shape)
+    return seen_with_noise(motion(places, force), places, force, random)
+
+
+def seen_with_noise(field: np.ndarray, places: np.ndarray, force: np.ndarray, random: np.random.Generator) -> Dataset:
+    """Presses under which regions move like that; a force of 0 is a frame without contact."""
+    features = (field + NOISE_PX * random.normal(size=field.shape)).astype(np.float16)
     rows = np.column_stack([places, np.where(force > 0, 2 * force, -1.0), force]).astype(np.float32)
-    confidence = np.ones((1, 6, 6), np.float32)
-    return Dataset(features.astype(np.float16), rows, np.zeros(count, int), confidence, f'gel {seed}')
+    return Dataset(features, rows, np.zeros(len(rows), int), np.ones((1, 6, 6), np.float32), 'made')

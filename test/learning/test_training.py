@@ -22,15 +22,10 @@ from tactile_nodes.learning.training import train as training
 from tactile_nodes.learning.training.source import training_data
 from tactile_nodes.model_file import load_model
 
-pytestmark = pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed')
-
-
-@pytest.fixture(scope='module', autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory):
-    folder = tmp_path_factory.mktemp('cache')
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('XDG_CACHE_HOME', str(folder))
-        yield folder
+pytestmark = [
+    pytest.mark.usefixtures('own_cache'),
+    pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed'),
+]
 
 
 def small_config(folder: Path, **training_options: object) -> TrainConfig:
@@ -44,7 +39,7 @@ def small_config(folder: Path, **training_options: object) -> TrainConfig:
 
 
 @pytest.fixture(scope='module')
-def data(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Dataset:
+def data(tmp_path_factory: pytest.TempPathFactory, own_cache: Path) -> Dataset:
     return simulate(small_config(tmp_path_factory.mktemp('data')), Progress())
 
 
@@ -74,16 +69,11 @@ def test_a_data_set_is_made_once(data: Dataset, tmp_path: Path, monkeypatch: pyt
     assert simulate(small_config(tmp_path), Progress()).fingerprint == data.fingerprint
 
 
-def test_the_number_of_processes_does_not_name_another_data_set(tmp_path: Path):
+def test_other_flow_options_name_another_data_set_and_the_number_of_processes_does_not(tmp_path: Path):
     config = small_config(tmp_path)
-    other = dataclasses.replace(config, data=dataclasses.replace(config.data, processes=7))
-    assert datasets.recipe_id(config) == datasets.recipe_id(other)
-
-
-def test_other_flow_options_name_another_data_set(tmp_path: Path):
-    config = small_config(tmp_path)
-    flow = dataclasses.replace(config.flow, options={'preset': 'medium'})
-    assert datasets.recipe_id(config) != datasets.recipe_id(dataclasses.replace(config, flow=flow))
+    processes = dataclasses.replace(config, data=dataclasses.replace(config.data, processes=7))
+    flow = dataclasses.replace(config, flow=dataclasses.replace(config.flow, options={'preset': 'medium'}))
+    assert datasets.recipe_id(config) == datasets.recipe_id(processes) != datasets.recipe_id(flow)
 
 
 def test_a_model_says_how_it_was_made(data: Dataset, trained: Path):

@@ -28,68 +28,63 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.geometry import BinGrid
 
 
-@pytest.fixture(scope='module')
-def readout(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
-    return known_gel
-
-
-def test_the_fitted_motion_is_that_of_the_gel(readout: AxisymmetricReadout) -> None:
+def test_the_fitted_motion_is_that_of_the_gel(known_gel: AxisymmetricReadout) -> None:
     press = np.array([[2.0, -3.0, 0.5]])
     true = motion(press[:, :2], press[:, 2]).reshape(1, 36, 2)
-    left = readout.response.motion(press) - true
+    left = known_gel.response.motion(press) - true
     assert np.linalg.norm(left) < 0.06 * np.linalg.norm(true)
 
 
-def test_regions_are_found_where_they_look(readout: AxisymmetricReadout) -> None:
+def test_regions_are_found_where_they_look(known_gel: AxisymmetricReadout) -> None:
     """They lie 4.4 mm apart, from -11 mm on; the first guess put them 5.3 mm apart."""
     inner = np.abs(views(np.ones((6, 6)))).max(axis=1) < 0.6
     true = np.stack(np.meshgrid(*[np.linspace(-11.0, 11.0, 6)] * 2), axis=-1).reshape(-1, 2)
-    assert np.abs(readout.response.places - true)[inner].max() < 0.3
+    assert np.abs(known_gel.response.places - true)[inner].max() < 0.3
 
 
-def test_no_squeeze_is_found_where_regions_look_straight(readout: AxisymmetricReadout) -> None:
+def test_no_squeeze_is_found_where_regions_look_straight(known_gel: AxisymmetricReadout) -> None:
     """Of a gel whose regions look aslant it is 0.1; this fit is from 240 noisy presses, in four turns."""
-    assert abs(readout.response.smear.squeeze) < 0.05
+    assert abs(known_gel.response.smear.squeeze) < 0.05
 
 
-def test_radial_smear_is_found_with_the_regions(readout: AxisymmetricReadout) -> None:
+def test_radial_smear_is_found_with_the_regions(known_gel: AxisymmetricReadout) -> None:
     """From the motion of a response with radial smear, a fit that starts without it finds the same."""
-    true = replace(readout.response, smear=RadialSmear(-0.4, 0.1))
-    predicted = Presses.of(presses(150, seed=12, still=0.0), np.arange(150), readout.scaling)
+    true = replace(known_gel.response, smear=RadialSmear(-0.4, 0.1))
+    predicted = Presses.of(presses(150, seed=12, still=0.0), np.arange(150), known_gel.scaling)
     predicted = replace(predicted, motion=true.motion(predicted.contacts))
-    found = readout.response
+    found = known_gel.response
     for _ in range(6):
         found = fit_regions(found, predicted, Expected.around(found), FIRST_DOUBT, SMEAR)
     assert found.smear.shift_mm == pytest.approx(-0.4, abs=0.02)
     assert found.smear.squeeze == pytest.approx(0.1, abs=0.005)
 
 
-def test_presses_that_no_fit_saw_are_read(readout: AxisymmetricReadout) -> None:
+def test_presses_that_no_fit_saw_are_read(known_gel: AxisymmetricReadout) -> None:
     fresh = presses(80, seed=9, still=0.0)
-    read = [readout.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
+    read = [known_gel.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
     away = np.hypot(*(np.array([(each.x_mm, each.y_mm) for each in read]) - fresh.presses[:, :2]).T)
     off = np.array([each.force_n for each in read]) - fresh.presses[:, 3]
     assert np.median(away) < 0.15
     assert np.median(np.abs(off)) < 0.01
 
 
-def test_nine_of_ten_fresh_presses_lie_within_the_stated_90_percent(readout: AxisymmetricReadout) -> None:
+def test_nine_of_ten_fresh_presses_lie_within_the_stated_90_percent(known_gel: AxisymmetricReadout) -> None:
     """Of 120 the share has a standard deviation of 3 %, and the factors follow from some 60 presses alone."""
     fresh = presses(120, seed=10, still=0.0)
-    read = [readout.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
+    read = [known_gel.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
     off = np.abs(np.array([each.force_n for each in read]) - fresh.presses[:, 3])
     within = off <= 1.645 * np.array([each.sigma_n for each in read])
     assert 0.82 < within.mean() < 0.99
 
 
-def test_what_regions_miss_is_measured_as_a_share_of_their_motion(readout: AxisymmetricReadout) -> None:
+def test_what_regions_miss_is_measured_as_a_share_of_their_motion(known_gel: AxisymmetricReadout) -> None:
     """With a tenth more motion than is predicted, each region is off by a tenth."""
     fresh = presses(100, seed=11, still=0.0)
-    seen = Presses.of(fresh, np.arange(100), readout.scaling)
-    predicted = readout.response.motion(seen.contacts)
+    seen = Presses.of(fresh, np.arange(100), known_gel.scaling)
+    predicted = known_gel.response.motion(seen.contacts)
     more = Presses(seen.contacts, 1.1 * predicted, np.full_like(seen.certainty, 1e12))
     # The mean of both channels' squares: sqrt(0.1^2 / 2) of the whole motion, a channel.
-    assert measured_doubt(readout.response, more)[2:6] == pytest.approx(0.1 / np.sqrt(2), rel=1e-3)
+    assert measured_doubt(known_gel.response, more)[2:6] == pytest.approx(0.1 / np.sqrt(2), rel=1e-3)
 
 
 def test_too_few_presses_are_refused() -> None:

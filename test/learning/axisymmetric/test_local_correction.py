@@ -18,14 +18,9 @@ CENTRE = NODES // 2
 ONE = np.array([[0.0, 0.0]])
 
 
-@pytest.fixture(scope='module')
-def readout(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
-    return known_gel
-
-
-def pressed(readout: AxisymmetricReadout, count: int, seed: int) -> Presses:
+def pressed(known_gel: AxisymmetricReadout, count: int, seed: int) -> Presses:
     dataset = presses(count, seed=seed, still=0.0)
-    return Presses.of(dataset, np.arange(count), readout.scaling)
+    return Presses.of(dataset, np.arange(count), known_gel.scaling)
 
 
 def test_one_press_alone_is_believed_by_what_it_shares_with_its_neighbourhood() -> None:
@@ -44,70 +39,72 @@ def test_a_press_of_one_picture_is_believed_less_than_one_of_eight() -> None:
     assert one < eight
 
 
-def test_an_error_that_all_presses_share_is_taken_away_between_them(readout: AxisymmetricReadout) -> None:
-    known = pressed(readout, 120, seed=2)
+def test_an_error_that_all_presses_share_is_taken_away_between_them(known_gel: AxisymmetricReadout) -> None:
+    known = pressed(known_gel, 120, seed=2)
     # Every press is stated to be 0.2 mm further to the right and 2 % harder than it was.
     shifted = known.contacts * np.array([1.0, 1.0, 1.02]) + np.array([0.2, 0.0, 0.0])
     pictures = np.full(120, 8)
-    local = with_local(readout, dataclasses.replace(known, contacts=shifted), pictures)
+    local = with_local(known_gel, dataclasses.replace(known, contacts=shifted), pictures)
     found = np.array([[0.5, -0.5, 0.4], [4.0, 3.0, 0.8]])
-    moved = local.corrected(found) - with_local(readout, known, pictures).corrected(found)
+    moved = local.corrected(found) - with_local(known_gel, known, pictures).corrected(found)
     assert moved[:, 0] == pytest.approx([0.2, 0.2], abs=0.05)
     assert moved[:, 1] == pytest.approx([0.0, 0.0], abs=0.03)
     assert moved[:, 2] / found[:, 2] == pytest.approx([0.02, 0.02], abs=0.006)
 
 
-def test_far_from_all_presses_nothing_is_added(readout: AxisymmetricReadout) -> None:
-    known = pressed(readout, 60, seed=2)
+def test_far_from_all_presses_nothing_is_added(known_gel: AxisymmetricReadout) -> None:
+    known = pressed(known_gel, 60, seed=2)
     near = known.take(np.flatnonzero(known.contacts[:, 0] < -2.0))
     shifted = dataclasses.replace(near, contacts=near.contacts + np.array([0.2, 0.0, 0.0]))
-    local = with_local(readout, shifted, np.ones(len(near), int))
+    local = with_local(known_gel, shifted, np.ones(len(near), int))
     far = np.array([[9.5, 0.0, 0.4]])
-    assert local.corrected(far) == pytest.approx(readout.corrected(far), abs=1e-3)
+    assert local.corrected(far) == pytest.approx(known_gel.corrected(far), abs=1e-3)
 
 
 def test_one_press_at_a_wrong_place_moves_its_neighbourhood_no_more_than_others_are_off(
-    readout: AxisymmetricReadout,
+    known_gel: AxisymmetricReadout,
 ) -> None:
-    known = pressed(readout, 60, seed=2)
+    known = pressed(known_gel, 60, seed=2)
     contacts = known.contacts.copy()
     contacts[0, 0] += 3.0
-    local = with_local(readout, dataclasses.replace(known, contacts=contacts), np.full(60, 8))
+    local = with_local(known_gel, dataclasses.replace(known, contacts=contacts), np.full(60, 8))
     assert local.correction.local is not None
     assert np.abs(local.correction.local[..., 0]).max() < 0.2
 
 
-def test_presses_of_which_nothing_is_seen_leave_the_readout_as_it_is(readout: AxisymmetricReadout) -> None:
-    known = pressed(readout, 5, seed=2)
+def test_presses_of_which_nothing_is_seen_leave_the_readout_as_it_is(known_gel: AxisymmetricReadout) -> None:
+    known = pressed(known_gel, 5, seed=2)
     blind = dataclasses.replace(known, certainty=np.zeros_like(known.certainty))
-    assert with_local(readout, blind, np.ones(5, int)) is readout
+    assert with_local(known_gel, blind, np.ones(5, int)) is known_gel
 
 
-def test_a_table_that_a_readout_has_is_added_to(readout: AxisymmetricReadout) -> None:
+def test_a_table_that_a_readout_has_is_added_to(known_gel: AxisymmetricReadout) -> None:
     """What presses show is less by what the table takes away already, and far from them the table stays."""
-    known = pressed(readout, 60, seed=2)
+    known = pressed(known_gel, 60, seed=2)
     near = known.take(np.flatnonzero(known.contacts[:, 0] < -2.0))
     shifted = dataclasses.replace(near, contacts=near.contacts + np.array([0.2, 0.0, 0.0]))
     table = np.tile([0.2, 0.0, 0.0], (NODES, NODES, 1))
-    begun = dataclasses.replace(readout, correction=dataclasses.replace(readout.correction, local=table))
+    begun = dataclasses.replace(known_gel, correction=dataclasses.replace(known_gel.correction, local=table))
     found = np.array([[-6.0, 0.0, 0.4], [9.5, 0.0, 0.4]])
     pictures = np.full(len(near), 8)
-    moved = with_local(begun, shifted, pictures).corrected(found) - with_local(readout, near, pictures).corrected(found)
+    moved = with_local(begun, shifted, pictures).corrected(found) - with_local(known_gel, near, pictures).corrected(
+        found
+    )
     assert moved[:, 0] == pytest.approx([0.2, 0.2], abs=0.01)
 
 
-def test_what_one_gel_gets_wrong_at_its_places_is_not_carried_over_to_another(readout: AxisymmetricReadout) -> None:
-    first = with_local(readout, pressed(readout, 60, seed=2), np.full(60, 8))
+def test_what_one_gel_gets_wrong_at_its_places_is_not_carried_over_to_another(known_gel: AxisymmetricReadout) -> None:
+    first = with_local(known_gel, pressed(known_gel, 60, seed=2), np.full(60, 8))
     assert first.correction.local is not None
     other = OtherGel.of(first, presses(30, seed=3))
-    assert other.readout(other.start, readout.doubt).correction.local is None
+    assert other.readout(other.start, known_gel.doubt).correction.local is None
 
 
-def test_a_calibration_has_the_errors_of_its_presses_taken_away(readout: AxisymmetricReadout) -> None:
+def test_a_calibration_has_the_errors_of_its_presses_taken_away(known_gel: AxisymmetricReadout) -> None:
     dataset = presses(60, seed=5)
     moved = dataset.presses * np.array([1, 1, 1, 0.8], np.float32)  # as a gel that is softer by a fifth
-    other = OtherGel.of(readout, dataclasses.replace(dataset, presses=moved))
-    plain = other.readout(other.whole().response, readout.doubt)
+    other = OtherGel.of(known_gel, dataclasses.replace(dataset, presses=moved))
+    plain = other.readout(other.whole().response, known_gel.doubt)
     local = other.locally(plain)
     found = Judged.of(plain, dataset, other.rows).found  # before any correction
     truth = moved[other.rows][:, [0, 1, 3]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
@@ -80,11 +81,6 @@ def test_numpy_alone_opens_the_file_without_pickle(file: Path) -> None:
     assert card['bags'][0]['gel'] == 'gel-7'
 
 
-def test_the_fingerprint_changes_with_any_value(presses: RecordedPresses) -> None:
-    other = dataclasses.replace(presses, force_n=presses.force_n + np.eye(1, len(presses), 3)[0] * 1e-9)
-    assert other.fingerprint != presses.fingerprint
-
-
 def test_the_fingerprint_does_not_depend_on_how_the_file_came_about(presses: RecordedPresses) -> None:
     other = dataclasses.replace(presses, card={**presses.card, 'command': 'another', 'bag_names': ['elsewhere']})
     assert other.fingerprint == presses.fingerprint
@@ -109,18 +105,19 @@ def test_damage_anywhere_is_noticed(file: Path, tmp_path: Path) -> None:
         assert found.fingerprint == load_dataset(file).fingerprint
 
 
-@pytest.mark.parametrize('content', [b'', b'PK\x03\x04 no archive', b'\x80\x04pickle', b'text' * 100, b'\x93NUMPY'])
+def plain_array() -> bytes:
+    file = BytesIO()
+    np.save(file, np.zeros(3))
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    'content', [b'', b'PK\x03\x04 no archive', b'\x80\x04pickle', b'text' * 100, b'\x93NUMPY', plain_array()]
+)
 def test_what_is_no_data_set_is_refused_with_a_sentence(tmp_path: Path, content: bytes) -> None:
     (tmp_path / 'foreign.npz').write_bytes(content)
     with pytest.raises(DatasetError, match=r'foreign\.npz'):
         load_dataset(tmp_path / 'foreign.npz')
-
-
-def test_a_plain_array_is_refused(tmp_path: Path) -> None:
-    with (tmp_path / 'array.npz').open('wb') as opened:
-        np.save(opened, np.zeros(3))
-    with pytest.raises(DatasetError, match='not a data set'):
-        load_dataset(tmp_path / 'array.npz')
 
 
 def test_a_table_or_a_bag_as_data_set_names_the_command_that_makes_one(tmp_path: Path) -> None:
@@ -130,12 +127,6 @@ def test_a_table_or_a_bag_as_data_set_names_the_command_that_makes_one(tmp_path:
         with pytest.raises(DatasetError, match='tactile dataset import') as refused:
             load_dataset(tmp_path / name)
         assert 'damaged' not in str(refused.value)
-
-
-def test_a_file_cut_short_is_refused(file: Path, tmp_path: Path) -> None:
-    (tmp_path / 'cut.npz').write_bytes(file.read_bytes()[:-1000])
-    with pytest.raises(DatasetError, match='damaged'):
-        load_dataset(tmp_path / 'cut.npz')
 
 
 def test_ctrl_c_while_it_is_written_leaves_nothing_but_the_file_before(
@@ -176,16 +167,15 @@ def test_values_changed_by_hand_are_noticed(file: Path, tmp_path: Path) -> None:
         load_dataset(tmp_path / 'better.npz')
 
 
-def test_arrays_that_do_not_go_together_are_refused(presses: RecordedPresses, tmp_path: Path) -> None:
+def test_arrays_that_do_not_go_together_a_newer_format_and_a_file_cut_short_are_refused(
+    presses: RecordedPresses, file: Path, tmp_path: Path
+) -> None:
     save_dataset(tmp_path / 'odd.npz', dataclasses.replace(presses, confidence_row=presses.confidence_row + 9))
-    with pytest.raises(DatasetError, match='damaged'):
-        load_dataset(tmp_path / 'odd.npz')
-
-
-def test_a_newer_format_is_reported(presses: RecordedPresses, tmp_path: Path) -> None:
     save_dataset(tmp_path / 'new.npz', dataclasses.replace(presses, card={**presses.card, 'format_version': 3}))
-    with pytest.raises(DatasetError, match='has version 3, but this release reads 1 to 2'):
-        load_dataset(tmp_path / 'new.npz')
+    (tmp_path / 'cut.npz').write_bytes(file.read_bytes()[:-1000])
+    for name, said in (('odd', 'damaged'), ('new', 'has version 3, but this release reads 1 to 2'), ('cut', 'damaged')):
+        with pytest.raises(DatasetError, match=said):
+            load_dataset(tmp_path / f'{name}.npz')
 
 
 def test_the_report_tells_what_there_is(presses: RecordedPresses) -> None:
@@ -331,12 +321,9 @@ def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> Non
         evaluate_recorded(find_model('fast'), file)
 
 
-def test_a_data_set_holds_the_rest_image_that_its_presses_were_measured_against(
-    presses: RecordedPresses, file: Path
-) -> None:
+def test_a_data_set_holds_the_rest_image_that_its_presses_were_measured_against(presses: RecordedPresses) -> None:
     assert presses.rest_image.shape == (440, 440)
     assert content_id(presses.rest_image) in set(presses.reference_id)
-    np.testing.assert_array_equal(load_dataset(file).rest_image, presses.rest_image)
 
 
 def test_a_file_of_before_that_holds_gains_of_the_texture_is_read_without_them(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from responding_gel import NOISE_PX, motion, presses
+from responding_gel import NOISE_PX, motion, presses, seen_with_noise
 
 from tactile_nodes.learning.axisymmetric.regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
@@ -33,20 +33,13 @@ def held(count: int, pictures: int, seed: int) -> Dataset:
     places, force = random.uniform(-9.0, 9.0, (count, 2)), random.uniform(0.05, 0.75, count)
     places = np.concatenate([np.repeat(places, pictures, axis=0), np.zeros((20, 2))])
     force = np.concatenate([np.repeat(force, pictures), np.zeros(20)])
-    field = motion(places + np.array([0.8, -0.5]), 1.25 * force)
-    rows = np.column_stack([places, np.where(force > 0, 2 * force, -1.0), force]).astype(np.float32)
-    features = (field + NOISE_PX * random.normal(size=field.shape)).astype(np.float16)
     hold = np.concatenate([np.repeat(np.arange(count), pictures), count + np.arange(20)])
-    return Dataset(features, rows, np.zeros(len(rows), int), ALL[None], 'held', hold=hold)
+    field = motion(places + np.array([0.8, -0.5]), 1.25 * force)
+    return dataclasses.replace(seen_with_noise(field, places, force, random), hold=hold)
 
 
 def touched(dataset: Dataset) -> np.ndarray:
     return np.flatnonzero(dataset.presses[:, 2] > 0)
-
-
-@pytest.fixture(scope='module')
-def source(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
-    return known_gel
 
 
 @pytest.fixture(scope='module')
@@ -126,25 +119,25 @@ def test_presses_keep_their_order_and_the_first_ones_come_with_all_their_picture
     assert alone.presses[touched(alone), 0].tolist() == dataset.presses[[0, 3], 0].tolist()
 
 
-def test_a_calibration_fits_to_means_and_is_judged_by_single_pictures(source: AxisymmetricReadout) -> None:
+def test_a_calibration_fits_to_means_and_is_judged_by_single_pictures(known_gel: AxisymmetricReadout) -> None:
     dataset = held(12, 4, seed=3)
-    other = OtherGel.of(source, dataset)
+    other = OtherGel.of(known_gel, dataset)
     assert len(other.presses) == len(other.rows) == 12
     assert other.rows.tolist() == list(range(0, 48, 4))
-    assert transfer(source, dataset).presses == 12
+    assert transfer(known_gel, dataset).presses == 12
 
 
-def test_with_more_pictures_presses_say_more_of_the_gel(source: AxisymmetricReadout) -> None:
+def test_with_more_pictures_presses_say_more_of_the_gel(known_gel: AxisymmetricReadout) -> None:
     asked, off = np.array([[0.0, 0.0, 0.4]]), []
     for pictures in (1, 8):
-        other = OtherGel.of(source, first_presses(held(12, 8, seed=3), 12, pictures=pictures))
+        other = OtherGel.of(known_gel, first_presses(held(12, 8, seed=3), 12, pictures=pictures))
         made = other.regions(other.whole().response)
         off.append(made.variance(*made.motion_slopes_and_columns(asked)[1:]).sum())
     assert off[1] < off[0]
 
 
-def test_stated_uncertainties_are_those_of_single_pictures(source: AxisymmetricReadout) -> None:
-    readout = transfer(source, held(25, 8, seed=3)).readout
+def test_stated_uncertainties_are_those_of_single_pictures(known_gel: AxisymmetricReadout) -> None:
+    readout = transfer(known_gel, held(25, 8, seed=3)).readout
     fresh = held(150, 1, seed=4)
     rows = touched(fresh)
     read = [readout.read(fresh.features[row].astype(np.float32), ALL).contacts[0] for row in rows]

@@ -25,16 +25,6 @@ def parts(split: Split) -> list[np.ndarray]:
     return [split.train, split.validation, split.test]
 
 
-def test_the_papers_presses_leave_the_papers_training_set(plan) -> None:
-    split = by_sample(np.arange(10952), plan[1], seed=1)
-    assert [len(part) for part in parts(split)] == [7884, 877, 2191]
-
-
-def test_positions_of_the_paper_are_split_by_the_same_shares(plan) -> None:
-    split = by_position(plan[0], seed=1)
-    assert [len(part) for part in parts(split)] == [985 * 8, 110 * 8, 274 * 8]
-
-
 @pytest.mark.parametrize('kind', ['sample', 'position'])
 def test_every_sample_is_in_one_part(plan, kind: str) -> None:
     split = by_sample(np.arange(10952), plan[1], seed=3) if kind == 'sample' else by_position(plan[0], seed=3)
@@ -47,15 +37,6 @@ def test_each_depth_is_in_the_test_set_by_its_share(plan) -> None:
     counts = np.unique(test, return_counts=True)[1]
     assert len(counts) == 8
     assert set(counts.tolist()) == {273, 274}
-
-
-def test_no_position_of_the_test_set_occurs_elsewhere(plan) -> None:
-    split = by_position(plan[0], seed=1)
-    places = position_ids(plan[0])
-    train, validation, test = (set(places[part].tolist()) for part in parts(split))
-    assert not test & train
-    assert not test & validation
-    assert not validation & train
 
 
 def test_by_sample_most_positions_of_the_test_set_were_trained_at_other_depths(plan) -> None:

@@ -6,8 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
-from coarse_table import hertz
-from layered_gel import BALL, SENSOR, SIDE, Terms, nominal, pressed, pressed_terms, quiet_scaling, uneven
+from layered_gel import (
+    BALL,
+    SENSOR,
+    SIDE,
+    Terms,
+    nominal,
+    pressed,
+    pressed_gel,
+    pressed_terms,
+    quiet_scaling,
+    response_of,
+    uneven,
+)
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -52,6 +63,13 @@ def fitted(dataset: Dataset, scaling: InputScaling) -> FieldFit:
     return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL)
 
 
+def giving_way(dataset: Dataset) -> Dataset:
+    """Each newton shifts and turns the picture by 0.3 px."""
+    x, y = np.meshgrid(np.linspace(-1, 1, SIDE), np.linspace(-1, 1, SIDE))
+    moved = 0.3 * np.stack([1 - y, 0.5 + x], axis=-1) * dataset.presses[:, 3][:, None, None, None]
+    return dataclasses.replace(dataset, features=(dataset.features + moved).astype(np.float16))
+
+
 def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: Terms, as_described: FieldReadout):
     fit = fitted(pressed(terms, 1.25 * nominal(), 30), scaling)
     assert fit.form == 'gain'
@@ -63,14 +81,9 @@ def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, te
 def test_a_mounting_that_gives_way_under_the_force_is_not_taken_for_a_softer_gel(
     scaling: InputScaling, terms: Terms, form: str
 ):
-    """Each newton shifts and turns the picture by 0.3 px; without noise the fit would be the same."""
+    """Without noise the fit would be the same."""
     dataset = pressed(terms, 1.25 * nominal() if form == 'gain' else uneven(), 60)
-    x, y = np.meshgrid(np.linspace(-1, 1, SIDE), np.linspace(-1, 1, SIDE))
-    moved = 0.3 * np.stack([1 - y, 0.5 + x], axis=-1) * dataset.presses[:, 3][:, None, None, None]
-    still, given = (
-        fitted(dataclasses.replace(dataset, features=(dataset.features + each).astype(np.float16)), scaling)
-        for each in (0.0, moved)
-    )
+    still, given = (fitted(each, scaling) for each in (dataset, giving_way(dataset)))
     assert still.form == given.form == form
     assert given.gain == pytest.approx(still.gain, rel=0.005)
     off = np.linalg.norm(given.readout.response - still.readout.response)
@@ -101,11 +114,7 @@ def test_a_camera_that_looks_otherwise_than_described_is_found_by_ten_presses(
         focal_px_per_rad=1.05 * camera.focal_px_per_rad,
     )  # fmt: skip
     real = Regions(dataclasses.replace(SENSOR, camera=looking), SIDE, SIDE)
-    places = np.random.default_rng(4).uniform(-12, 12, (10, 2))
-    made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
-    fit = fitted(pressed((places, made), nominal(), 10), scaling)
-    true = np.einsum('rptu,rt->rpu', real.terms_of_patches(np.arange(real.count)), nominal())
-    true = true.reshape(as_described.response.shape)
+    fit, true = fitted(pressed_gel(real, 10), scaling), response_of(real)
     assert 'relative to its description the camera is' in fit.reason
     off = np.abs(fit.looks - [0.7, -0.5, 1.5, -1.0, 2.0, np.log(1.05), 0.0])
     assert (off < [0.1, 0.1, 0.3, 0.3, 0.3, 0.005, 0.001]).all()
@@ -120,27 +129,18 @@ def test_a_gel_of_another_thickness_than_described_is_found_by_twenty_presses(
     soft = 4.5 + 6.0 * (thick - 1)
     gel = dataclasses.replace(SENSOR.gel, layers_mm=(1.5, soft), markers_mm=(1.5, 1.5 + soft))
     real = Regions(dataclasses.replace(SENSOR, gel=gel), SIDE, SIDE)
-    places = np.random.default_rng(4).uniform(-12, 12, (20, 2))
-    made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
-    fit = fitted(pressed((places, made), nominal(), 20), scaling)
+    fit, true = fitted(pressed_gel(real, 20), scaling), response_of(real)
     assert 'the thickness of the gel' in fit.reason
     assert fit.looks[6] == pytest.approx(np.log(thick), abs=0.01)
-    true = np.einsum('rptu,rt->rpu', real.terms_of_patches(np.arange(real.count)), nominal())
-    true = true.reshape(as_described.response.shape)
     assert np.linalg.norm(fit.readout.response - true) < 0.35 * np.linalg.norm(as_described.response - true)
 
 
 def test_the_view_of_a_camera_whose_mounting_gives_way_is_found_as_well(scaling: InputScaling):
-    """Aside and tilted, and each newton shifts and turns the picture by 0.3 px."""
+    """Aside and tilted."""
     camera = SENSOR.camera
     looking = dataclasses.replace(camera, position_mm=(0.7, -0.5, camera.position_mm[2]), tilt_deg=(1.5, -1.0))
     real = Regions(dataclasses.replace(SENSOR, camera=looking), SIDE, SIDE)
-    places = np.random.default_rng(4).uniform(-12, 12, (10, 2))
-    made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
-    dataset = pressed((places, made), nominal(), 10)
-    x, y = np.meshgrid(np.linspace(-1, 1, SIDE), np.linspace(-1, 1, SIDE))
-    moved = 0.3 * np.stack([1 - y, 0.5 + x], axis=-1) * dataset.presses[:, 3][:, None, None, None]
-    fit = fitted(dataclasses.replace(dataset, features=(dataset.features + moved).astype(np.float16)), scaling)
+    fit = fitted(giving_way(pressed_gel(real, 10)), scaling)
     off = np.abs(fit.looks - [0.7, -0.5, 1.5, -1.0, 0.0, 0.0, 0.0])
     assert (off < [0.3, 0.3, 0.8, 0.8, 0.5, 0.01, 0.001]).all()
 

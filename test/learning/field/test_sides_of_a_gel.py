@@ -3,8 +3,7 @@
 import dataclasses
 
 import numpy as np
-from coarse_table import hertz
-from layered_gel import BALL, SENSOR, SIDE, nominal, pressed, quiet_scaling, regions
+from layered_gel import BALL, SENSOR, SIDE, nominal, pressed_gel, quiet_scaling, regions, response_of
 
 from tactile_nodes.learning.field.fit import fit_field
 from tactile_nodes.learning.transfer.fit import folds_of
@@ -17,16 +16,12 @@ FREE = dataclasses.replace(SENSOR, gel=dataclasses.replace(SENSOR.gel, sides='fr
 def test_presses_show_that_the_sides_are_free_and_what_they_add_to_every_contact_and_to_tips():
     """They come up to 4 mm near the sides. The description says nothing of these."""
     real = Regions(FREE, SIDE, SIDE)
-    places, known = np.random.default_rng(4).uniform(-12, 12, (PRESSES, 2)), np.arange(real.count)
-    dataset = pressed((places, real.terms_of_pressure(places, hertz(real.layer, 0.5), known)), nominal(), PRESSES)
+    known, dataset = np.arange(real.count), pressed_gel(real, PRESSES)
     fold = folds_of(dataset.presses[:, [0, 1, 3]].astype(float))
     fit = fit_field(SENSOR, quiet_scaling(), dataset, np.arange(PRESSES), fold, BALL)
     assert fit.found_sides == 'free'
     assert 'write gel.sides: free into its description' in fit.reason
-    true, without = (
-        np.einsum('rptu,rt->rpu', each.terms_of_patches(known), nominal()).reshape(2 * SIDE**2, -1)
-        for each in (real, regions())
-    )
+    true, without = response_of(real), response_of(regions())
     assert np.linalg.norm(fit.readout.response - true) < 0.1 * np.linalg.norm(without - true)
     terms = real.terms_by_sides(known)
     assert terms is not None

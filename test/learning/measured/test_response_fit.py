@@ -171,20 +171,17 @@ def test_too_few_untouched_frames_or_presses_are_refused(still: float) -> None:
         learned(presses(100, seed=1, still=still))
 
 
-def test_presses_at_one_place_are_refused() -> None:
+@pytest.mark.parametrize(
+    ('column', 'value', 'said'),
+    [(0, 0.0, 'at different places along x and along y'), (3, -0.001, 'presses with a force')],
+    ids=['at one place', 'without a force'],
+)
+def test_presses_that_tell_nothing_are_refused(column: int, value: float, said: str) -> None:
     dataset = presses(300, seed=1, still=0.4)
-    at_one = dataset.presses.copy()
-    at_one[:, 0] = 0
-    with pytest.raises(DatasetError, match='at different places along x and along y'):
-        learned(dataclasses.replace(dataset, presses=at_one))
-
-
-def test_presses_without_a_force_are_refused() -> None:
-    dataset = presses(300, seed=1, still=0.4)
-    feeble = dataset.presses.copy()
-    feeble[:, 3] = -0.001
-    with pytest.raises(DatasetError, match='presses with a force'):
-        learned(dataclasses.replace(dataset, presses=feeble))
+    changed = dataset.presses.copy()
+    changed[:, column] = value
+    with pytest.raises(DatasetError, match=said):
+        learned(dataclasses.replace(dataset, presses=changed))
 
 
 def test_a_data_set_without_markers_is_refused() -> None:

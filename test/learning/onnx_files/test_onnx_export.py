@@ -151,23 +151,21 @@ def lose(frames: list[Features], *places: tuple[int, int]) -> list[Features]:
     return [replace(each, confidence=each.confidence * kept) for each in frames]
 
 
-@pytest.mark.parametrize('hidden', ['logistic', 'relu'])
-def test_a_network_answers_as_numpy_does(hidden: str) -> None:
-    loaded = network(hidden)
-    found = compare(loaded, onnx_bytes(loaded), shown(loaded))
-    assert (found.bin_n, found.place_mm, found.force_n) == pytest.approx((0, 0, 0), abs=2e-5)
-    assert max(found.sigma_share, found.unlikeness_share) < 1e-5
-
-
-def test_a_calibration_layer_answers_as_numpys_does() -> None:
+def layered() -> LoadedModel:
+    """The network behind a calibration layer, which changes what it answers."""
     random, loaded = np.random.default_rng(5), network()
     layer = CalibrationLayer.of_change(
         random.normal(0, 0.1, (40, 40)).astype('f2'), random.normal(size=40).astype(np.float32)
     )
-    layered = replace(loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, layer=layer)))
-    frames = shown(loaded)
-    assert np.abs(_bins(layered, frames) - _bins(loaded, frames)).max() > 0.01
-    found = compare(layered, onnx_bytes(layered), frames)
+    made = replace(loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, layer=layer)))
+    assert np.abs(_bins(made, shown(loaded)) - _bins(loaded, shown(loaded))).max() > 0.01
+    return made
+
+
+@pytest.mark.parametrize('make', [network, lambda: network('relu'), layered], ids=['logistic', 'relu', 'layered'])
+def test_a_network_answers_as_numpy_does(make: Callable[[], LoadedModel]) -> None:
+    loaded = make()
+    found = compare(loaded, onnx_bytes(loaded), shown(loaded))
     assert (found.bin_n, found.place_mm, found.force_n) == pytest.approx((0, 0, 0), abs=2e-5)
     assert max(found.sigma_share, found.unlikeness_share) < 1e-5
 
@@ -339,22 +337,24 @@ def test_equal_models_are_equal_files() -> None:
     assert onnx_bytes(response()) == exported(response)
 
 
+def export(folder: Path, model: LoadedModel, output: str = 's.onnx', *words: str) -> int:
+    """By the command, from a file."""
+    save_model(folder / 'small.safetensors', model.model, CARD)
+    return main(['model', 'export', str(folder / 'small.safetensors'), '-o', str(folder / output), *words])
+
+
 def test_the_command_exports_a_model_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_model(tmp_path / 'small.safetensors', response(contacts=3).model, CARD)
-    assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]) == 0
+    assert export(tmp_path, response(contacts=3)) == 0
     out = capsys.readouterr().out
     assert 'response readout' in out
     assert 'reports one contact' in out
-    loaded = load_model(tmp_path / 'small.safetensors')
-    assert (tmp_path / 's.onnx').read_bytes() == onnx_bytes(loaded)
+    assert (tmp_path / 's.onnx').read_bytes() == onnx_bytes(load_model(tmp_path / 'small.safetensors'))
 
 
 def test_a_model_of_recorded_presses_has_no_frames_to_compare_it_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    save_model(tmp_path / 'small.safetensors', response().model, CARD)
-    words = [str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]
-    assert main(['model', 'export', *words, '--check']) == 1
+    assert export(tmp_path, response(), 's.onnx', '--check') == 1
     assert 'export it without --check' in capsys.readouterr().err
 
 
@@ -369,20 +369,18 @@ def test_it_is_compared_on_frames_of_another_seed_than_that_of_its_training(
 
 
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_model(tmp_path / 'small.safetensors', network().model, CARD)
     (tmp_path / 'file').touch()
-    assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 'file' / 's.onnx')]) == 1
+    assert export(tmp_path, network(), 'file/s.onnx') == 1
     assert 'cannot write' in capsys.readouterr().err
 
 
 def test_without_onnx_it_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    save_model(tmp_path / 'small.safetensors', network().model, CARD)
     monkeypatch.setitem(sys.modules, 'onnx', None)
     for name in [name for name in sys.modules if name.startswith('tactile_nodes.learning.onnx_')]:
         monkeypatch.delitem(sys.modules, name)
-    assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]) == 1
+    assert export(tmp_path, network()) == 1
     assert "pip install 'tactile_nodes[onnx]'" in capsys.readouterr().err
 
 

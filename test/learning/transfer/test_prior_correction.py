@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from responding_gel import NOISE_PX, REACH_MM, motion
+from responding_gel import REACH_MM, motion, seen_with_noise
 
 from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -27,51 +27,41 @@ def pressed(count: int, seed: int, share: float = 0.0) -> Dataset:
     random = np.random.default_rng(seed)
     places = random.uniform(1 - REACH_MM, REACH_MM - 1, (count, 2))
     force = np.where(np.arange(count) < count - 20, random.uniform(0.1, 0.75, count), 0.0)
-    field = motion(places, SOFTER * force)
-    features = field + NOISE_PX * random.normal(size=field.shape)
-    rows = np.column_stack([places, np.where(force > 0, 2 * force, -1.0), (1 + share) * force]).astype(np.float32)
-    return Dataset(
-        features.astype(np.float16), rows, np.zeros(count, int), np.ones((1, 6, 6), np.float32), f'gel {seed}'
-    )
+    return seen_with_noise(motion(places, SOFTER * force), places, (1 + share) * force, random)
 
 
-@pytest.fixture(scope='module')
-def source(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
-    return known_gel
-
-
-def test_a_share_of_the_force_that_all_calibrations_lack_is_found(source: AxisymmetricReadout) -> None:
+def test_a_share_of_the_force_that_all_calibrations_lack_is_found(known_gel: AxisymmetricReadout) -> None:
     """Calibrated by forces as they are and judged by forces 6 % larger, forces come out 6 % too small everywhere."""
-    gels = [found_by_counts(source, pressed(60, seed), pressed(120, seed + 10, SHARE), (30,)) for seed in (1, 2)]
-    terms = learned_prior(source, gels, counts=(30,)).after(30)
-    correction = dataclasses.replace(source.correction, terms=terms)
+    gels = [found_by_counts(known_gel, pressed(60, seed), pressed(120, seed + 10, SHARE), (30,)) for seed in (1, 2)]
+    terms = learned_prior(known_gel, gels, counts=(30,)).after(30)
+    correction = dataclasses.replace(known_gel.correction, terms=terms)
     asked = np.array([[0.0, 0.0, 0.3], [4.0, -4.0, 0.5], [-3.0, 5.0, 0.6]])
     assert correction(asked)[:, 2] / asked[:, 2] - 1 == pytest.approx(SHARE, abs=0.02)
 
 
-def test_a_calibration_begins_with_the_prior_and_hands_none_on(source: AxisymmetricReadout) -> None:
-    terms = np.stack([np.full_like(source.correction.terms, each) for each in (0.3, 0.1)])
-    other = OtherGel.of(dataclasses.replace(source, prior=ErrorPrior((10, 40), terms)), pressed(40, seed=3))
-    readout = other.readout(other.start, source.doubt)
+def test_a_calibration_begins_with_the_prior_and_hands_none_on(known_gel: AxisymmetricReadout) -> None:
+    terms = np.stack([np.full_like(known_gel.correction.terms, each) for each in (0.3, 0.1)])
+    other = OtherGel.of(dataclasses.replace(known_gel, prior=ErrorPrior((10, 40), terms)), pressed(40, seed=3))
+    readout = other.readout(other.start, known_gel.doubt)
     assert readout.correction.terms == pytest.approx(np.full_like(terms[0], 0.2))
     assert readout.prior is None
 
 
-def test_a_gel_that_differs_as_a_whole_only_takes_the_correction_of_places(source: AxisymmetricReadout) -> None:
+def test_a_gel_that_differs_as_a_whole_only_takes_the_correction_of_places(known_gel: AxisymmetricReadout) -> None:
     """The prior was measured on gels whose every region was found."""
-    own = np.random.default_rng(1).normal(size=source.correction.terms.shape)
+    own = np.random.default_rng(1).normal(size=known_gel.correction.terms.shape)
     known = dataclasses.replace(
-        source,
-        correction=Correction(own, source.correction.reach_mm, source.correction.hardest_n),
+        known_gel,
+        correction=Correction(own, known_gel.correction.reach_mm, known_gel.correction.hardest_n),
         prior=ErrorPrior((10,), np.ones((1, *own.shape))),
     )
     other = OtherGel.of(known, pressed(40, seed=3))
-    correction = other.readout(other.start, source.doubt, 'whole').correction
+    correction = other.readout(other.start, known_gel.doubt, 'whole').correction
     assert correction.terms[:, :2] == pytest.approx(own[:, :2])
     assert not correction.terms[:, 2].any()
     assert correction.local is None
 
 
-def test_a_gel_of_recorded_presses_learns_nothing_from_others(source: AxisymmetricReadout) -> None:
+def test_a_gel_of_recorded_presses_learns_nothing_from_others(known_gel: AxisymmetricReadout) -> None:
     recorded = TrainConfig(data=DataConfig(file='presses.npz'), axisymmetric=AxisymmetricConfig(other_gels=3))
-    assert with_prior(source, recorded, Progress()) is source
+    assert with_prior(known_gel, recorded, Progress()) is known_gel

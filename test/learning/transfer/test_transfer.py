@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from responding_gel import NOISE_PX, REACH_MM, motion, presses
+from responding_gel import NOISE_PX, REACH_MM, motion, presses, seen_with_noise
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -31,22 +31,12 @@ def other_gel(count: int, seed: int, reach_mm: float = REACH_MM - 1) -> Dataset:
     places, force = random.uniform(-reach_mm, reach_mm, (count, 2)), random.uniform(0.05, 0.75, count)
     force = np.concatenate([force, np.zeros(20)])
     places = np.concatenate([places, np.zeros((20, 2))])
-    field = motion(places + AWAY_MM, SOFTER * force)
-    features = field + NOISE_PX * random.normal(size=field.shape)
-    rows = np.column_stack([places, np.where(force > 0, 2 * force, -1.0), force]).astype(np.float32)
-    return Dataset(
-        features.astype(np.float16), rows, np.zeros(count + 20, int), np.ones((1, 6, 6), np.float32), 'other'
-    )
+    return seen_with_noise(motion(places + AWAY_MM, SOFTER * force), places, force, random)
 
 
 @pytest.fixture(scope='module')
-def source(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
-    return known_gel
-
-
-@pytest.fixture(scope='module')
-def made(source: AxisymmetricReadout) -> Transfer:
-    return transfer(source, other_gel(25, seed=3))
+def made(known_gel: AxisymmetricReadout) -> Transfer:
+    return transfer(known_gel, other_gel(25, seed=3))
 
 
 def errors(readout: AnyReadout, dataset: Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -68,10 +58,10 @@ def giving_way(dataset: Dataset, px_per_n: float) -> Dataset:
 
 @pytest.mark.parametrize('px_per_n', [0.05, 0.5])
 def test_a_mounting_that_gives_way_under_the_force_spoils_no_calibration(
-    source: AxisymmetricReadout, made: Transfer, px_per_n: float
+    known_gel: AxisymmetricReadout, made: Transfer, px_per_n: float
 ) -> None:
     """Least squares find the motion of the camera exactly, so its size makes no difference."""
-    given = transfer(source, giving_way(other_gel(25, seed=3), px_per_n))
+    given = transfer(known_gel, giving_way(other_gel(25, seed=3), px_per_n))
     fresh = other_gel(60, seed=4)
     (place, force), (usual_place, usual_force) = (
         errors(each.readout, dataset) for each, dataset in ((given, giving_way(fresh, px_per_n)), (made, fresh))
@@ -90,12 +80,12 @@ def test_a_mounting_that_gives_way_under_the_force_spoils_no_calibration(
 
 
 def test_what_the_sides_of_a_gel_add_spoils_no_calibration_that_knows_it(
-    source: AxisymmetricReadout, made: Transfer
+    known_gel: AxisymmetricReadout, made: Transfer
 ) -> None:
     """Motion around the press that grows with the force and towards the sides, in another direction at each."""
-    patches = PatchGrid(source.bins)
+    patches = PatchGrid(known_gel.bins)
     x, y = patches.centres_mm.T / REACH_MM
-    away = np.square(patches.centres_mm[:, None] - source.response.places).sum(axis=-1)
+    away = np.square(patches.centres_mm[:, None] - known_gel.response.places).sum(axis=-1)
     per_n = np.stack([x**3, -(y**3)], axis=-1)[:, None] * np.exp(-away / 50)[..., None]
     sides = BySides(patches, per_n.astype(np.float32))
 
@@ -105,37 +95,37 @@ def test_what_the_sides_of_a_gel_add_spoils_no_calibration_that_knows_it(
         features = dataset.features + added.reshape(dataset.features.shape)
         return dataclasses.replace(dataset, features=features.astype(np.float16))
 
-    given = transfer(source, moved(other_gel(25, seed=3)), sides=sides)
+    given = transfer(known_gel, moved(other_gel(25, seed=3)), sides=sides)
     fresh = other_gel(60, seed=4)
     (place, force), (usual_place, usual_force) = (
         errors(each.readout, dataset) for each, dataset in ((given, moved(fresh)), (made, fresh))
     )
     assert np.median(place) < 1.1 * np.median(usual_place)
     assert np.sqrt(np.mean(force**2)) < 1.1 * np.sqrt(np.mean(usual_force**2))
-    ignoring = transfer(source, moved(other_gel(25, seed=3)), forced=True)
+    ignoring = transfer(known_gel, moved(other_gel(25, seed=3)), forced=True)
     assert np.sqrt(np.mean(errors(ignoring.readout, moved(fresh))[1] ** 2)) > 2 * np.sqrt(np.mean(force**2))
 
 
-def test_the_whole_fit_finds_softness_and_shift(source: AxisymmetricReadout) -> None:
-    other = OtherGel.of(source, other_gel(25, seed=3))
+def test_the_whole_fit_finds_softness_and_shift(known_gel: AxisymmetricReadout) -> None:
+    other = OtherGel.of(known_gel, other_gel(25, seed=3))
     found = fit_whole(other.start, other.presses).response
     # The known gel answers a press here as this one answers a press 0.8 and -0.5 mm less far along: so do its regions.
-    assert (found.places - source.response.places).mean(axis=0) == pytest.approx(-AWAY_MM, abs=0.1)
+    assert (found.places - known_gel.response.places).mean(axis=0) == pytest.approx(-AWAY_MM, abs=0.1)
     press = np.array([[0.0, 0.0, 0.4]])
     there = np.array([[*AWAY_MM, 0.4]])
-    size = np.linalg.norm(found.motion(press)) / np.linalg.norm(source.response.motion(there))
+    size = np.linalg.norm(found.motion(press)) / np.linalg.norm(known_gel.response.motion(there))
     assert size == pytest.approx(SOFTER, rel=0.05)
 
 
 def test_a_gel_so_soft_that_presses_are_beyond_the_known_profiles_is_read_as_hard_as_it_was_pressed(
-    source: AxisymmetricReadout,
+    known_gel: AxisymmetricReadout,
 ) -> None:
     softer = 2.0  # what is known ends at 1 N, which is 0.5 N here
     dataset = other_gel(20, seed=5)
     forces = dataset.presses[:, 3].astype(float)
     field = motion(dataset.presses[:, :2].astype(float), softer * np.maximum(forces, 0.0))
     noise = NOISE_PX * np.random.default_rng(6).normal(size=field.shape)
-    made = transfer(source, dataclasses.replace(dataset, features=(field + noise).astype(np.float16)))
+    made = transfer(known_gel, dataclasses.replace(dataset, features=(field + noise).astype(np.float16)))
     kept = readout_from(*readout_arrays(made.readout), BinGrid())
     assert isinstance(kept, AxisymmetricReadout)
     for force in (0.3, 0.6, 0.74):
@@ -143,14 +133,16 @@ def test_a_gel_so_soft_that_presses_are_beyond_the_known_profiles_is_read_as_har
         assert kept.read(shown, np.ones((6, 6), np.float32)).contacts[0].force_n == pytest.approx(force, rel=0.04)
 
 
-def test_an_equal_gel_is_left_as_it_is(source: AxisymmetricReadout) -> None:
-    same = changed(source.response, np.zeros(13))
+def test_an_equal_gel_is_left_as_it_is(known_gel: AxisymmetricReadout) -> None:
+    same = changed(known_gel.response, np.zeros(13))
     press = np.array([[1.0, 2.0, 0.6]])
-    assert same.motion(press) == pytest.approx(source.response.motion(press))
+    assert same.motion(press) == pytest.approx(known_gel.response.motion(press))
 
 
-def test_regions_that_the_rim_of_the_gel_cuts_are_held_less(source: AxisymmetricReadout) -> None:
-    typical = Typical.of(source.response, np.random.default_rng(1).uniform(-0.8, 0.8, source.response.places.shape))
+def test_regions_that_the_rim_of_the_gel_cuts_are_held_less(known_gel: AxisymmetricReadout) -> None:
+    typical = Typical.of(
+        known_gel.response, np.random.default_rng(1).uniform(-0.8, 0.8, known_gel.response.places.shape)
+    )
     view = np.array([[0.85, -0.3], [0.2, -0.95]])
     (inside, rim), (expected, at_rim) = typical.precision(view), np.linalg.inv(typical.scatter.covariance(view))
     assert inside == pytest.approx(expected)
@@ -158,10 +150,10 @@ def test_regions_that_the_rim_of_the_gel_cuts_are_held_less(source: Axisymmetric
 
 
 def test_fresh_presses_are_read_nearly_as_well_as_the_source_reads_its_own(
-    source: AxisymmetricReadout, made: Transfer
+    known_gel: AxisymmetricReadout, made: Transfer
 ) -> None:
     place, force = errors(made.readout, other_gel(60, seed=4))
-    own_place, own_force = errors(source, presses(60, seed=5))
+    own_place, own_force = errors(known_gel, presses(60, seed=5))
     assert np.median(place) < 2.5 * np.median(own_place)
     assert np.sqrt(np.mean(force**2)) < 2.5 * np.sqrt(np.mean(own_force**2))
 
@@ -174,8 +166,8 @@ def test_the_form_taken_is_the_simplest_of_those_that_explain_held_out_presses(m
     assert made.reason.startswith(f'{made.form}: ')
 
 
-def test_regions_fitted_to_few_presses_say_how_unsure_they_are(source: AxisymmetricReadout) -> None:
-    few, more = (OtherGel.of(source, other_gel(count, seed=3)) for count in (10, 40))
+def test_regions_fitted_to_few_presses_say_how_unsure_they_are(known_gel: AxisymmetricReadout) -> None:
+    few, more = (OtherGel.of(known_gel, other_gel(count, seed=3)) for count in (10, 40))
     asked = np.array([[0.0, 0.0, 0.4]])
     made = [each.regions(each.whole().response) for each in (few, more)]
     off = [each.variance(*each.motion_slopes_and_columns(asked)[1:]).sum() for each in made]
@@ -199,61 +191,65 @@ def test_five_of_six_fresh_presses_lie_within_the_stated_90_percent(made: Transf
     assert within.mean() > 0.83
 
 
-def test_noise_of_the_rest_image_of_the_presses_is_not_taken_for_the_gel(source: AxisymmetricReadout) -> None:
+def test_noise_of_the_rest_image_of_the_presses_is_not_taken_for_the_gel(known_gel: AxisymmetricReadout) -> None:
     """Pictures to come have a rest image of their own; the presses are still measured about theirs."""
     dataset = other_gel(60, seed=3)
     aside = np.random.default_rng(7).normal(scale=0.05, size=dataset.features.shape[1:])
     noisy = dataclasses.replace(dataset, features=(dataset.features + aside).astype(np.float16))
-    plain, other = OtherGel.of(source, dataset), OtherGel.of(source, noisy)
+    plain, other = OtherGel.of(known_gel, dataset), OtherGel.of(known_gel, noisy)
     assert other.presses.motion == pytest.approx(plain.presses.motion, abs=2e-3)
-    assert not other.readout(other.start, source.doubt).scaling.mean.any()
+    assert not other.readout(other.start, known_gel.doubt).scaling.mean.any()
 
 
-def test_few_presses_are_refused(source: AxisymmetricReadout) -> None:
-    with pytest.raises(DatasetError, match='presses at least at 5 places, but there are 4'):
-        transfer(source, other_gel(4, seed=3))
+@pytest.mark.parametrize(
+    ('count', 'reach_mm', 'said'),
+    [
+        (4, REACH_MM - 1, 'presses at least at 5 places, but there are 4'),
+        (25, 3.0, 'press all over the surface'),
+    ],
+)
+def test_few_presses_and_those_in_one_corner_are_refused(
+    known_gel: AxisymmetricReadout, count: int, reach_mm: float, said: str
+) -> None:
+    with pytest.raises(DatasetError, match=said):
+        transfer(known_gel, other_gel(count, 3, reach_mm))
 
 
-def test_presses_in_one_corner_are_refused(source: AxisymmetricReadout) -> None:
-    with pytest.raises(DatasetError, match='press all over the surface'):
-        transfer(source, other_gel(25, seed=3, reach_mm=3.0))
-
-
-def test_a_gel_that_shows_markers_in_too_few_regions_is_refused(source: AxisymmetricReadout) -> None:
+def test_a_gel_that_shows_markers_in_too_few_regions_is_refused(known_gel: AxisymmetricReadout) -> None:
     dataset = other_gel(25, seed=3)
     for shown in (0, 11):
         confidence = (np.arange(36) < shown).astype(np.float32).reshape(1, 6, 6)
         with pytest.raises(DatasetError, match=f'only {shown} regions show markers .* a place needs at least 12'):
-            transfer(source, dataclasses.replace(dataset, confidence=confidence))
+            transfer(known_gel, dataclasses.replace(dataset, confidence=confidence))
 
 
 @pytest.mark.parametrize('wrong', [np.nan, np.inf])
-def test_motion_or_force_that_is_no_number_is_refused(source: AxisymmetricReadout, wrong: float) -> None:
+def test_motion_or_force_that_is_no_number_is_refused(known_gel: AxisymmetricReadout, wrong: float) -> None:
     dataset = other_gel(25, seed=3)
     features, presses = dataset.features.copy(), dataset.presses.copy()
     features[2, 1, 1, 0] = presses[4, 3] = wrong
     with pytest.raises(DatasetError, match='images in which the motion is not a number: 1'):
-        transfer(source, dataclasses.replace(dataset, features=features))
+        transfer(known_gel, dataclasses.replace(dataset, features=features))
     with pytest.raises(DatasetError, match='images of presses whose place or force is not a number: 1'):
-        transfer(source, dataclasses.replace(dataset, presses=presses))
+        transfer(known_gel, dataclasses.replace(dataset, presses=presses))
 
 
-def test_a_region_without_markers_may_have_moved_by_what_is_no_number(source: AxisymmetricReadout) -> None:
+def test_a_region_without_markers_may_have_moved_by_what_is_no_number(known_gel: AxisymmetricReadout) -> None:
     dataset = other_gel(25, seed=3)
     features, confidence = dataset.features.copy(), dataset.confidence.copy()
     features[:, 0, 0], confidence[:, 0, 0] = np.nan, 0.0
-    made = transfer(source, dataclasses.replace(dataset, features=features, confidence=confidence))
+    made = transfer(known_gel, dataclasses.replace(dataset, features=features, confidence=confidence))
     assert made.after.place_median_mm < 0.1 * made.before.place_median_mm
 
 
 def test_a_gel_of_which_the_source_reads_nothing_is_calibrated_and_its_card_is_json(
-    source: AxisymmetricReadout,
+    known_gel: AxisymmetricReadout,
 ) -> None:
-    """The source knows the regions 0 to 19 of 36, the gel shows 12 to 35: eight in common, four too few."""
-    known, dataset, response = np.arange(36) < 20, other_gel(25, seed=3), source.response
+    """The model knows the regions 0 to 19 of 36, the gel shows 12 to 35: eight in common, four too few."""
+    known, dataset, response = np.arange(36) < 20, other_gel(25, seed=3), known_gel.response
     part = dataclasses.replace(
-        source,
-        scaling=dataclasses.replace(source.scaling, trusted=known.astype(np.float32).reshape(6, 6)),
+        known_gel,
+        scaling=dataclasses.replace(known_gel.scaling, trusted=known.astype(np.float32).reshape(6, 6)),
         response=dataclasses.replace(response, places=response.places[known], couplings=response.couplings[known]),
     )
     shown = (np.arange(36) >= 12).astype(np.float32).reshape(1, 6, 6)
@@ -270,32 +266,32 @@ def test_an_offset_that_few_presses_do_not_bear_out_is_no_reason_to_refuse() -> 
 
 
 def test_the_spread_of_an_offset_is_that_of_fits_without_a_fold_each(
-    source: AxisymmetricReadout, monkeypatch: pytest.MonkeyPatch
+    known_gel: AxisymmetricReadout, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Jackknife: of five estimates that are 0 to 0.4 N, 4/5 of 0.1 N^2 squared off their mean, 0.283 N."""
-    other = OtherGel.of(source, other_gel(10, seed=3))
+    other = OtherGel.of(known_gel, other_gel(10, seed=3))
     fold = np.arange(10) % 5
     monkeypatch.setattr(OtherGel, 'offset', lambda _, whole, chosen: 0.1 * ({*range(5)} - {*fold[chosen]}).pop())
     assert other.offset_spread(other.whole(), fold) == pytest.approx(np.sqrt(0.8 * 0.1))
 
 
-def test_forces_that_were_never_tared_are_refused(source: AxisymmetricReadout) -> None:
+def test_forces_that_were_never_tared_are_refused(known_gel: AxisymmetricReadout) -> None:
     dataset = other_gel(25, seed=3)
     touched = dataset.presses[:, 2] > 0
     shifted = dataset.presses.copy()
     shifted[touched, 3] += 0.3
     with pytest.raises(DatasetError, match=r'forces seem to be \+0\.\d+ N .* tare'):
-        transfer(source, dataclasses.replace(dataset, presses=shifted))
+        transfer(known_gel, dataclasses.replace(dataset, presses=shifted))
 
 
-def test_forces_that_begin_at_zero_are_found_to(source: AxisymmetricReadout) -> None:
-    other = OtherGel.of(source, other_gel(25, seed=3))
+def test_forces_that_begin_at_zero_are_found_to(known_gel: AxisymmetricReadout) -> None:
+    other = OtherGel.of(known_gel, other_gel(25, seed=3))
     assert fit_whole(other.start, other.presses, offset=True).offset_n == pytest.approx(0.0, abs=0.02)
 
 
-def test_the_gel_of_the_model_itself_is_not_made_worse(source: AxisymmetricReadout) -> None:
+def test_the_gel_of_the_model_itself_is_not_made_worse(known_gel: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='would not help'):
-        transfer(source, presses(20, seed=9, still=0.6))
+        transfer(known_gel, presses(20, seed=9, still=0.6))
 
 
 def test_presses_at_one_place_are_held_out_together() -> None:
