@@ -91,6 +91,16 @@ def refusal(path: Path) -> str:
     return str(caught.value)
 
 
+def write_in_files(folder: Path, count: int) -> None:
+    """Texts, numbered, in a file each."""
+    writer = BagWriter(folder, limits=BagLimits(file_bytes=1))
+    writer.add_topic(BagTopic.of_type('/text', STRING))
+    for number in range(count):
+        writer.write('/text', text(number), START_NS + number, START_NS)
+        until(lambda number=number: writer.totals.messages == number + 1)
+    writer.close()
+
+
 def until(condition: Callable[[], object]) -> None:
     """Wait for a writer's thread."""
     waiting = threading.Event()

@@ -135,14 +135,6 @@ def test_damage_in_the_first_chunk_of_a_killed_bag_costs_that_chunk_only(killed,
     assert found == content[-len(found) :]
 
 
-def test_killed_bag_says_when_its_metadata_is_older_than_its_file(killed) -> None:
-    folder, *_ = killed
-    metadata = folder / 'metadata.yaml'
-    metadata.write_text(metadata.read_text().replace('message_count', 'message_count: 7 #', 1))
-    with BagReader(folder) as reader:
-        assert reader.problems == [f'{metadata} states 7 messages, but the files hold {reader.extent.messages}']
-
-
 SPLITTER = """
 import os, signal, sys, time
 from tactile_nodes import messages

@@ -9,7 +9,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from bagging import START_NS, STRING, text
+from bagging import START_NS, STRING, refusal, text
 from mcap.opcode import Opcode
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -17,7 +17,6 @@ from rosbags.typesys import Stores, get_typestore
 from tactile_nodes.bag import growing_file
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.errors import BagError
 
 COUNT = 200
 LEAF, INTERIOR = 0x0D, 0x05
@@ -46,12 +45,6 @@ def numbers(path: Path) -> tuple[list[int], list[str]]:
     with BagReader(path) as reader:
         found = [message.log_ns - START_NS for message in reader.messages()]
         return found, reader.problems
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(BagError) as caught:
-        BagReader(path)
-    return str(caught.value)
 
 
 def change(path: Path, *statements: str) -> None:

@@ -7,13 +7,15 @@ import math
 import sqlite3
 import struct
 import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import lz4.frame
 import mcap.writer
 import pytest
 import zstandard
-from bagging import FORCE, START_NS, STRING, Sample, read, refusal, rosbags_bag, samples, text, until, write
+from bagging import FORCE, START_NS, STRING, Sample, read, refusal, rosbags_bag, samples, text, write, write_in_files
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
@@ -24,7 +26,7 @@ from tactile_nodes.bag import growing_file, mcap_storage
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.writer import BagLimits, BagWriter
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.errors import BagError, MessageError
 
 # --- bags that others made ------------------------------------------------------------------------------------
@@ -50,40 +52,43 @@ def test_bags_of_rosbags_are_read(tmp_path: Path, storage: StoragePlugin) -> Non
     assert read(tmp_path / 'other') == (content, [])
 
 
-def test_messages_outside_of_chunks_are_read_in_order(tmp_path: Path) -> None:
-    with (tmp_path / 'flat.mcap').open('wb') as file:
-        writer = mcap.writer.Writer(file, use_chunking=False)
+@contextmanager
+def foreign_file(path: Path, **options: object) -> Iterator[tuple[mcap.writer.Writer, int]]:
+    """A file by the mcap package, and its channel of texts."""
+    with path.open('wb') as file:
+        writer = mcap.writer.Writer(file, **options)
         writer.start('ros2')
-        channel = writer.register_channel('/text', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
-        for number in (1, 0, 2):
-            writer.add_message(channel, START_NS + number, text(number), START_NS)
-        writer.finish()
-    assert read(tmp_path / 'flat.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(3)], [])
+        yield writer, writer.register_channel('/text', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
 
 
-def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    order = [0, 5, 1, 6, 2, 9, 3, 4, 7, 8]
-    with (tmp_path / 'wild.mcap').open('wb') as file:
-        writer = mcap.writer.Writer(file, chunk_size=60)
-        writer.start('ros2')
-        channel = writer.register_channel('/text', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
-        for number in order:
+def in_chunks_that_overlap(path: Path, **options: object) -> list[Sample]:
+    with foreign_file(path, **options) as (writer, channel):
+        for number in (0, 5, 1, 6, 2, 9, 3, 4, 7, 8):
             writer.add_message(channel, START_NS + number, text(number), START_NS)
         writer.finish()
-    assert read(tmp_path / 'wild.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(10)], [])
+    return [Sample('/text', START_NS + number, text(number)) for number in range(10)]
+
+
+@pytest.mark.parametrize('options', [{'use_chunking': False}, {'chunk_size': 60}], ids=['no chunks', 'overlapping'])
+def test_messages_outside_of_chunks_and_in_overlapping_ones_are_read_in_order(
+    tmp_path: Path, options: dict[str, object]
+) -> None:
+    content = in_chunks_that_overlap(tmp_path / 'wild.mcap', **options)
+    assert read(tmp_path / 'wild.mcap') == (content, [])
+
+
+def test_whoever_says_that_all_chunks_are_of_one_time_fills_no_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(mcap_storage, 'MOST_WAITING_BYTES', 20)
-    found, problems = read(tmp_path / 'wild.mcap')  # whoever says that all chunks are of one time fills no memory
-    assert sorted(found, key=lambda sample: sample.log_ns) == [
-        Sample('/text', START_NS + n, text(n)) for n in range(10)
-    ]
+    content = in_chunks_that_overlap(tmp_path / 'wild.mcap', chunk_size=60)
+    found, problems = read(tmp_path / 'wild.mcap')
+    assert sorted(found, key=lambda sample: sample.log_ns) == content
     assert problems == [f'{tmp_path / "wild.mcap"}: too many chunks overlap in time; messages are out of order']
 
 
 def test_topic_described_in_a_chunk_of_others_is_found_without_a_summary(tmp_path: Path) -> None:
-    with (tmp_path / 'cut.mcap').open('wb') as file:
-        writer = mcap.writer.Writer(file)
-        writer.start('ros2')
-        first = writer.register_channel('/a', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
+    with foreign_file(tmp_path / 'cut.mcap') as (writer, first):
         writer.add_message(first, START_NS, text(0), START_NS)
         second = writer.register_channel('/b', 'cdr', writer.register_schema('lab/msg/Odd', 'ros2msg', b'int32 x'))
         writer.flush()
@@ -92,8 +97,8 @@ def test_topic_described_in_a_chunk_of_others_is_found_without_a_summary(tmp_pat
         writer.add_message(second, START_NS + 2, text(2), START_NS)
         writer.flush()
     with BagReader(tmp_path / 'cut.mcap') as reader:
-        assert [(m.topic, m.type_name) for m in reader.messages()] == [('/a', STRING)] * 2 + [('/b', 'lab/msg/Odd')]
-        assert reader.counts == {'/a': 2, '/b': 1}
+        assert [(m.topic, m.type_name) for m in reader.messages()] == [('/text', STRING)] * 2 + [('/b', 'lab/msg/Odd')]
+        assert reader.counts == {'/text': 2, '/b': 1}
 
 
 # --- choosing ----------------------------------------------------------------------------------------------------
@@ -240,12 +245,7 @@ def test_empty_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('left', [b'', bytes(4096)])
 def test_files_before_one_that_a_power_cut_left_blank_are_read(tmp_path: Path, left: bytes) -> None:
-    writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
-    writer.add_topic(BagTopic.of_type('/text', STRING))
-    for number in range(2):
-        writer.write('/text', text(number), START_NS + number, START_NS)
-        until(lambda number=number: writer.totals.messages == number + 1)
-    writer.close()
+    write_in_files(tmp_path / 'press', 2)
     blank = tmp_path / 'press' / 'press_1.mcap'
     blank.write_bytes(left)
     found, problems = read(tmp_path / 'press')
@@ -289,26 +289,27 @@ def test_sqlite_file_that_is_no_bag(tmp_path: Path) -> None:
     assert 'it has no tables topics and messages' in refusal(tmp_path / 'x.db3')
 
 
-def test_damaged_metadata(bag: Path) -> None:
-    (bag / 'metadata.yaml').write_text('rosbag2_bagfile_information: [')
-    assert 'metadata.yaml is damaged' in refusal(bag)
+@pytest.mark.parametrize(
+    ('old', 'new', 'said'),
+    [
+        ('relative_file_paths:', '[', 'metadata.yaml is damaged'),
+        (
+            'storage_identifier: mcap',
+            'storage_identifier: tape',
+            "has storage 'tape'; only mcap and sqlite3 can be read",
+        ),
+        ('version: 8', 'version: 99', 'has version 99; versions up to 9 can be read'),
+    ],
+)
+def test_metadata_that_cannot_be_read(bag: Path, old: str, new: str, said: str) -> None:
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace(old, new))
+    assert said in refusal(bag)
 
 
 def test_storage_file_that_is_missing(bag: Path) -> None:
     (bag / 'press_0.mcap').unlink()
     assert 'lists press_0.mcap, which is not in the folder' in refusal(bag)
-
-
-def test_unknown_storage(bag: Path) -> None:
-    metadata = bag / 'metadata.yaml'
-    metadata.write_text(metadata.read_text().replace('storage_identifier: mcap', 'storage_identifier: tape'))
-    assert "has storage 'tape'; only mcap and sqlite3 can be read" in refusal(bag)
-
-
-def test_metadata_newer_than_we_know(bag: Path) -> None:
-    metadata = bag / 'metadata.yaml'
-    metadata.write_text(metadata.read_text().replace('version: 8', 'version: 99'))
-    assert 'has version 99; versions up to 9 can be read' in refusal(bag)
 
 
 # --- types -------------------------------------------------------------------------------------------------------

@@ -9,11 +9,9 @@ import mcap.reader
 import mcap.records
 import pytest
 import rosbag2_yaml
-from bagging import FORCE, START_NS, STEP_NS, STRING, samples, text, until, write
+from bagging import FORCE, START_NS, STEP_NS, STRING, samples, write, write_in_files
 
 from tactile_nodes import messages
-from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.writer import BagLimits, BagWriter
 
 
 def record_of(file: Path) -> Any:
@@ -86,12 +84,7 @@ def test_quality_of_service_at_a_channel_is_what_ros_2_bag_play_decodes(bag: Pat
 
 
 def test_every_file_of_a_split_bag_has_a_record_that_is_decoded(tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
-    writer.add_topic(BagTopic.of_type('/text', STRING))
-    for number in range(3):
-        writer.write('/text', text(number), START_NS + number, START_NS)
-        until(lambda number=number: writer.totals.messages == number + 1)
-    writer.close()
+    write_in_files(tmp_path / 'press', 3)
     for number in range(3):
         found = rosbag2_yaml.decoded(record_of(tmp_path / 'press' / f'press_{number}.mcap'))
         assert [entry['message_count'] for entry in found['files']] == [1] * (number + 1)

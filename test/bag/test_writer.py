@@ -9,7 +9,7 @@ from pathlib import Path
 import mcap.reader
 import pytest
 import yaml
-from bagging import FORCE, START_NS, STEP_NS, Sample, force, samples, text, until, write
+from bagging import FORCE, START_NS, Sample, force, samples, text, write, write_in_files
 from rosbags.rosbag2 import Reader
 
 from tactile_nodes import messages
@@ -77,19 +77,6 @@ def test_file_is_mcap_of_profile_ros2_with_commented_definitions(bag: Path) -> N
     assert summary.statistics.message_count == 10
 
 
-def test_metadata_is_version_8_with_qos_as_text_and_type_hashes(bag: Path) -> None:
-    found = metadata_of(bag)
-    entry = next(entry for entry in found['topics_with_message_count'] if entry['topic_metadata']['name'] == '/text')
-    topic = entry['topic_metadata']
-    assert found['version'] == 8
-    assert found['storage_identifier'] == 'mcap'
-    assert (found['message_count'], entry['message_count']) == (10, 5)
-    assert found['duration']['nanoseconds'] == 9 * STEP_NS
-    assert found['starting_time']['nanoseconds_since_epoch'] == START_NS
-    assert topic['type_description_hash'] == messages.type_hash('std_msgs/msg/String')
-    assert yaml.safe_load(topic['offered_qos_profiles'])[0]['durability'] == 1  # transient local, as in rmw
-
-
 def test_qos_of_the_storage_file_is_that_of_the_metadata(bag: Path) -> None:
     # Readers pair topics by this text; where it differs they find no message and say nothing.
     _, summary = summary_of(bag / 'press_0.mcap')
@@ -149,12 +136,7 @@ def test_closed_bag_takes_no_more(tmp_path: Path) -> None:
 
 def in_small_files(folder: Path, count: int) -> list[int]:
     """Record so many messages, a file each as long as there may be more files; how many each file has."""
-    writer = BagWriter(folder, limits=BagLimits(file_bytes=1))
-    writer.add_topic(BagTopic.of_type('/text', 'std_msgs/msg/String'))
-    for number in range(count):
-        writer.write('/text', text(number), START_NS + number, START_NS)
-        until(lambda number=number: writer.totals.messages == number + 1)
-    writer.close()
+    write_in_files(folder, count)
     return [entry['message_count'] for entry in metadata_of(folder)['files']]
 
 
