@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,17 @@ def force(number: int, stamp_ns: int) -> types.ForceDistribution:
 
 def picture(number: int) -> np.ndarray:
     return np.random.default_rng(number).integers(0, 255, (12, 16), dtype=np.uint8)
+
+
+def write_messages(folder: Path, *received: tuple[str, Any, int]) -> Path:
+    """A bag of messages, each with its topic and when it was received."""
+    writer = BagWriter(folder)
+    for topic, message in {topic: message for topic, message, _ in received}.items():
+        writer.add_topic(BagTopic.of_type(topic, message.__msgtype__))
+    for topic, message, at_ns in received:
+        writer.write(topic, messages.encode(message), at_ns, START_NS)
+    writer.close()
+    return folder
 
 
 def write_bag(folder: Path, frames: int = 30, joint_names: Sequence[str] = ('a', 'b')) -> list[types.ForceDistribution]:

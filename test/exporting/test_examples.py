@@ -9,14 +9,11 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from exported_bags import START_NS, STEP_NS, force, write_bag
+from exported_bags import START_NS, STEP_NS, force, write_bag, write_messages
 from matplotlib.quiver import Quiver
 from seen import ring
 
-from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
-from tactile_nodes.messages import encode
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 
@@ -68,12 +65,8 @@ def test_the_status_says_the_reasons_in_words(bag: Path) -> None:
 
 
 def test_a_force_field_is_drawn_as_a_smooth_map_with_arrows_and_outlines(tmp_path: Path) -> None:
-    folder = tmp_path / 'ring'
-    writer = BagWriter(folder)
-    for topic, message in zip((FORCE_DISTRIBUTION, FORCE_FIELD), ring(START_NS), strict=True):
-        writer.add_topic(BagTopic.of_type(f'/{topic.name}', topic.type_name))
-        writer.write(f'/{topic.name}', encode(message), START_NS, START_NS)
-    writer.close()
+    received = zip((FORCE_DISTRIBUTION, FORCE_FIELD), ring(START_NS), strict=True)
+    folder = write_messages(tmp_path / 'ring', *((f'/{topic.name}', each, START_NS) for topic, each in received))
     script = example('bag_to_figure')
     forces, truth = script.read(folder)
     surface = script.read_surface(folder, '/', START_NS)
@@ -100,10 +93,7 @@ def test_the_program_writes_a_picture_of_a_bag_of_before_shear_was_reported(
 def test_the_sensor_is_named_as_in_the_commands(
     namespace: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    writer, topic = BagWriter(tmp_path / 'hand'), f'/left/{FORCE_DISTRIBUTION.name}'
-    writer.add_topic(BagTopic.of_type(topic, FORCE_DISTRIBUTION.type_name))
-    writer.write(topic, encode(force(1, START_NS)), START_NS, START_NS)
-    writer.close()
+    write_messages(tmp_path / 'hand', (f'/left/{FORCE_DISTRIBUTION.name}', force(1, START_NS), START_NS))
     words = ['bag_to_figure.py', str(tmp_path / 'hand'), '--namespace', namespace, '-o', str(tmp_path / 'left.png')]
     monkeypatch.setattr(sys, 'argv', words)
     assert example('bag_to_figure').main() == 0

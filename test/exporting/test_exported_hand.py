@@ -7,11 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import START_NS, STEP_NS, force, picture
+from exported_bags import START_NS, STEP_NS, force, picture, write_messages
 
-from tactile_nodes import messages
-from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, HAND_WRENCH, IMAGE
 from tactile_nodes.cli.main import main
 from tactile_nodes.conversions import header, image_message
@@ -40,18 +37,13 @@ def wrench(number: int) -> types.HandWrench:
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp('bags') / 'both'
-    writer = BagWriter(folder)
-    topics = {f'/{finger}/{FORCE_DISTRIBUTION.name}': FORCE_DISTRIBUTION for finger in ('left', 'right')}
-    for name, topic in {**topics, f'/{HAND_WRENCH.name}': HAND_WRENCH}.items():
-        writer.add_topic(BagTopic.of_type(name, topic.type_name))
+    received = []
     for number in range(len(SUMMED)):
         stamp_ns = START_NS + number * STEP_NS
-        for name in topics:
-            writer.write(name, messages.encode(force(number, stamp_ns)), stamp_ns, stamp_ns)
-        writer.write(f'/{HAND_WRENCH.name}', messages.encode(wrench(number)), stamp_ns, stamp_ns)
-    writer.close()
-    return folder
+        fingers = [f'/{finger}/{FORCE_DISTRIBUTION.name}' for finger in ('left', 'right')]
+        received += [(topic, force(number, stamp_ns), stamp_ns) for topic in fingers]
+        received.append((f'/{HAND_WRENCH.name}', wrench(number), stamp_ns))
+    return write_messages(tmp_path_factory.mktemp('bags') / 'both', *received)
 
 
 @pytest.fixture(scope='module')
@@ -101,21 +93,16 @@ def test_frames_of_a_hand_hold_the_margin_of_each_sensor(bag: Path, tmp_path: Pa
 
 def write_pictures(folder: Path, first: dict[str, int]) -> Path:
     """Twelve forces and 13 pictures of each of two fingers; its pictures begin with the number in `first`."""
-    writer = BagWriter(folder)
-    for finger in first:
-        writer.add_topic(BagTopic.of_type(f'/{finger}/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
-        writer.add_topic(BagTopic.of_type(f'/{finger}/{IMAGE.name}', IMAGE.type_name))
+    received = []
     for number in range(13):
         stamp_ns = START_NS + number * STEP_NS
         for finger, begin in first.items():
-            message = messages.encode(force(number, stamp_ns))
             if number < 12:
-                writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', message, stamp_ns, stamp_ns)
+                received.append((f'/{finger}/{FORCE_DISTRIBUTION.name}', force(number, stamp_ns), stamp_ns))
             if number >= begin:
-                seen = messages.encode(image_message(picture(number), header(stamp_ns, finger)))
-                writer.write(f'/{finger}/{IMAGE.name}', seen, stamp_ns, stamp_ns)
-    writer.close()
-    return folder
+                seen = image_message(picture(number), header(stamp_ns, finger))
+                received.append((f'/{finger}/{IMAGE.name}', seen, stamp_ns))
+    return write_messages(folder, *received)
 
 
 def export_pictures(bag: Path) -> int:

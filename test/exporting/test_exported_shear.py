@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import START_NS, STEP_NS
+from exported_bags import START_NS, STEP_NS, write_messages
 from seen import BINS, CELLS, ring
 
-from tactile_nodes import conversions, messages
-from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes import conversions
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
 from tactile_nodes.cli.main import main
 from tactile_nodes.messages import types
@@ -25,26 +23,16 @@ EARLIER = Path(__file__).parents[2] / 'examples/press_bag'
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An invalid frame, which holds no maps, and three of a ring with its field."""
-    folder = tmp_path_factory.mktemp('bags') / 'ring'
-    writer = BagWriter(folder)
-    for topic in (FORCE_DISTRIBUTION, FORCE_FIELD):
-        writer.add_topic(BagTopic.of_type(f'/{topic.name}', topic.type_name))
     nothing = nothing_read(BINS).normal_force_n
     invalid = types.ForceDistribution(
         header=conversions.header(START_NS, 'gel_surface'), status=2, **conversions.force_fields(nothing, BINS)
     )
-    write(writer, FORCE_DISTRIBUTION.name, invalid)
+    received = [(f'/{FORCE_DISTRIBUTION.name}', invalid, START_NS)]
     for number in range(1, 4):
-        force, field = ring(START_NS + number * STEP_NS)
-        write(writer, FORCE_DISTRIBUTION.name, force)
-        write(writer, FORCE_FIELD.name, field)
-    writer.close()
-    return folder
-
-
-def write(writer: BagWriter, topic: str, message: types.ForceDistribution | types.ForceField) -> None:
-    stamp_ns = messages.stamp_ns(message.header.stamp)
-    writer.write(f'/{topic}', messages.encode(message), stamp_ns, stamp_ns)
+        stamp_ns = START_NS + number * STEP_NS
+        for topic, message in zip((FORCE_DISTRIBUTION, FORCE_FIELD), ring(stamp_ns), strict=True):
+            received.append((f'/{topic.name}', message, stamp_ns))
+    return write_messages(tmp_path_factory.mktemp('bags') / 'ring', *received)
 
 
 @pytest.fixture(scope='module')

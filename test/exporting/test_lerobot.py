@@ -9,13 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag, write_presses
+from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag, write_messages, write_presses
 
-from tactile_nodes import messages
-from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, WRENCH
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.cli.main import main
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import header, wrench_message
@@ -23,7 +21,6 @@ from tactile_nodes.exporting.features import Feature
 from tactile_nodes.exporting.lerobot_files import Meta
 from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
 
-pa = pytest.importorskip('pyarrow')
 pq = pytest.importorskip('pyarrow.parquet')
 cv2 = pytest.importorskip('cv2')
 
@@ -47,6 +44,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope='module')
 def first(folder: Path):
     return pq.read_table(folder / 'data/chunk-000/file-000.parquet')
+
+
+def frames_of(bag: Path, *words: str):
+    """The frames of a bag, beside which its data set is made."""
+    output = bag.with_name('set')
+    assert main(['export', 'lerobot', str(bag), '-o', str(output), *words]) == 0
+    return pq.read_table(output / 'data/chunk-000/file-000.parquet')
+
+
+def episodes_of(bag: Path, *words: str) -> list[dict]:
+    """The episodes of a bag of presses, a frame for each force."""
+    frames_of(bag, '--cut', 'presses', '--fps', '60', *words)
+    return pq.read_table(bag.with_name('set') / 'meta/episodes/chunk-000/file-000.parquet').to_pylist()
 
 
 def taken(first) -> list[int]:
@@ -83,9 +93,7 @@ def test_a_bag_played_slowly_and_recorded_again_gives_the_same_frames(first, fol
             later_ns = 3600 * NS_PER_S + 600 * (message.log_ns - START_NS)
             writer.write(message.topic, message.data, message.log_ns + later_ns, message.publish_ns)
     writer.close()
-    words = ['--fps', '20', '--images', '--state', 'joint_states']
-    assert main(['export', 'lerobot', str(tmp_path / 'again'), '-o', str(tmp_path / 'set'), *words]) == 0
-    again = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    again = frames_of(tmp_path / 'again', '--fps', '20', '--images', '--state', 'joint_states')
     assert again.schema.names == first.schema.names
     for name in first.schema.names:
         assert str(again[name].to_pylist()) == str(first[name].to_pylist())  # as texts: a NaN equals no other
@@ -98,10 +106,9 @@ def test_an_episode_begins_when_all_have_spoken_and_says_how_much_was_left_out(f
     assert (facts['begins_with'], facts['left_out_at_start_s']) == (JOINTS, pytest.approx(0.049, abs=1e-6))
 
 
-def test_invalid_forces_keep_their_status(folder: Path, tmp_path: Path) -> None:
-    words = ['--fps', '20', '--exclude', 'joint_states']
-    assert main(['export', 'lerobot', str(folder.parent / 'one'), '-o', str(tmp_path / 'set'), *words]) == 0
-    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+def test_invalid_forces_keep_their_status(tmp_path: Path) -> None:
+    write_bag(tmp_path / 'one')
+    frames = frames_of(tmp_path / 'one', '--fps', '20', '--exclude', 'joint_states')
     assert frames['observation.status'].to_pylist() == [2, *[0] * 9]
     assert frames['observation.reasons'].to_pylist() == [8, *[0] * 9]
 
@@ -156,13 +163,15 @@ def test_the_metadata_say_model_gel_units_and_how_it_was_resampled(folder: Path)
     assert facts['resampling'].startswith('previous')
 
 
-def test_cut_at_presses_each_episode_ends_with_its_window(tmp_path: Path) -> None:
-    write_presses(tmp_path / 'bag')
-    words = ['--cut', 'presses', '--fps', '60']
-    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
-    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
-    assert [(each['press'], each['press_status'], each['press_reason']) for each in episodes] == [
-        (1, 0, ''), (2, 1, 'the force drifted'),
+@pytest.mark.parametrize(
+    ('suspect', 'first'), [(0, (1, 0, '')), (1, (1, 2, 'the anchor lies beside'))], ids=['', 'suspect']
+)
+def test_cut_at_presses_each_episode_ends_with_its_window_and_says_what_became_of_its_press(
+    tmp_path: Path, suspect: int, first: tuple[int, int, str]
+) -> None:
+    write_presses(tmp_path / 'bag', suspect)
+    assert [(each['press'], each['press_status'], each['press_reason']) for each in episodes_of(tmp_path / 'bag')] == [
+        first, (2, 1, 'the force drifted'),
     ]  # fmt: skip
     second = pq.read_table(tmp_path / 'set/data/chunk-000/file-001.parquet')
     assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
@@ -171,24 +180,10 @@ def test_cut_at_presses_each_episode_ends_with_its_window(tmp_path: Path) -> Non
     assert list(facts['bags'][0]['force_messages_outside_episodes'].values()) == [20]
 
 
-def test_a_press_that_became_suspect_is_an_episode_of_its_own_that_says_so(tmp_path: Path) -> None:
-    write_presses(tmp_path / 'bag', suspect=1)
-    words = ['--cut', 'presses', '--fps', '60']
-    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
-    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
-    assert [(each['press'], each['press_status'], each['press_reason']) for each in episodes] == [
-        (1, 2, 'the anchor lies beside'), (2, 1, 'the force drifted'),
-    ]  # fmt: skip
-    second = pq.read_table(tmp_path / 'set/data/chunk-000/file-001.parquet')
-    assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
-
-
 def test_presses_of_two_runs_of_one_plan_are_all_episodes(tmp_path: Path) -> None:
     write_presses(tmp_path / 'bag', rigs=('/left/press', '/left/press'))
-    words = ['--cut', 'presses', '--fps', '60']
-    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
-    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
-    assert [(each['press'], each['press_status']) for each in episodes] == [(1, 0), (1, 1)]
+    found = episodes_of(tmp_path / 'bag')
+    assert [(each['press'], each['press_status']) for each in found] == [(1, 0), (1, 1)]
 
 
 def test_of_rigs_that_press_at_once_one_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,27 +191,20 @@ def test_of_rigs_that_press_at_once_one_is_exported(tmp_path: Path, capsys: pyte
     words = ['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), '--cut', 'presses']
     assert main(words) == 1
     assert 'of each alone, the first with --exclude /right/press' in ' '.join(capsys.readouterr().err.split())
-    assert main([*words, '--exclude', '/right/press']) == 0
-    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
-    assert [each['press_status'] for each in episodes] == [0, 1]
+    found = episodes_of(tmp_path / 'bag', '--exclude', '/right/press')
+    assert [each['press_status'] for each in found] == [0, 1]
 
 
 def test_presses_without_a_force_of_their_own_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_presses(tmp_path / 'bag', first=25)
-    words = ['--cut', 'presses', '--fps', '60']
-    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
+    episodes_of(tmp_path / 'bag')
     assert 'left out: presses of bag (1 of 2: no force after the window before' in capsys.readouterr().out
 
 
 def test_true_forces_are_beside_those_that_were_estimated(tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / 'bag')
-    for number, topic in enumerate(('/force_distribution', '/true_force_distribution'), 1):
-        writer.add_topic(BagTopic.of_type(topic, 'tactile_nodes/msg/ForceDistribution'))
-        writer.write(topic, messages.encode(force(number, START_NS)), START_NS + number, START_NS)
-    writer.close()
-    words = ['-o', str(tmp_path / 'set'), '--topics', 'force_distribution', 'true_force_distribution']
-    assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 0
-    (row,) = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet').to_pylist()
+    topics = 'force_distribution', 'true_force_distribution'
+    received = [(f'/{topic}', force(number, START_NS), START_NS + number) for number, topic in enumerate(topics, 1)]
+    (row,) = frames_of(write_messages(tmp_path / 'bag', *received), '--topics', *topics).to_pylist()
     names = 'observation.total_force', 'observation.true_force_distribution.total_force'
     assert [row[name] for name in names] == [np.float32(force(number, 0).total) for number in (1, 2)]
 
@@ -231,12 +219,9 @@ def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys:
 
 def test_a_clock_that_was_set_while_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A computer without a clock of its own begins in 1970; frames of the decades until then would fill every disk."""
-    writer = BagWriter(tmp_path / 'set')
-    writer.add_topic(BagTopic.of_type(f'/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
-    for number in range(20):
-        stamp_ns = (START_NS if number >= 10 else 60 * NS_PER_S) + number * STEP_NS
-        writer.write(f'/{FORCE_DISTRIBUTION.name}', messages.encode(force(number, stamp_ns)), stamp_ns, stamp_ns)
-    writer.close()
+    stamps_ns = [(START_NS if number >= 10 else 60 * NS_PER_S) + number * STEP_NS for number in range(20)]
+    received = [(f'/{FORCE_DISTRIBUTION.name}', force(n, stamp_ns), stamp_ns) for n, stamp_ns in enumerate(stamps_ns)]
+    write_messages(tmp_path / 'set', *received)
     assert main(['export', 'lerobot', str(tmp_path / 'set'), '-o', str(tmp_path / 'out')]) == 1
     assert 'jump by 19676 days, as when a clock is set; export parquet or zarr' in capsys.readouterr().err
     assert not (tmp_path / 'out').exists()
@@ -254,19 +239,13 @@ def test_a_state_that_is_not_in_the_bag_is_refused_by_name(tmp_path: Path, capsy
 
 def test_a_topic_with_the_name_of_a_part_of_the_force_has_another_one(tmp_path: Path) -> None:
     """The age of a robot's `/force` would take the place of the age of `/force_distribution`."""
-    writer = BagWriter(tmp_path / 'bag')
-    for name, kind in ((FORCE_DISTRIBUTION.name, FORCE_DISTRIBUTION.type_name), ('force', WRENCH.type_name)):
-        writer.add_topic(BagTopic.of_type(f'/{name}', kind))
+    received = []
     for number in range(20):
         stamp_ns = START_NS + number * STEP_NS
         message = force(number, stamp_ns)
-        late_ns = stamp_ns - STEP_NS // 2
-        writer.write(f'/{FORCE_DISTRIBUTION.name}', messages.encode(message), stamp_ns, stamp_ns)
-        wrench = dataclasses.replace(wrench_message(message), header=header(late_ns, 'tool'))
-        writer.write('/force', messages.encode(wrench), stamp_ns, late_ns)
-    writer.close()
-    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), '--fps', '20']) == 0
-    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+        wrench = dataclasses.replace(wrench_message(message), header=header(stamp_ns - STEP_NS // 2, 'tool'))
+        received += [(f'/{FORCE_DISTRIBUTION.name}', message, stamp_ns), ('/force', wrench, stamp_ns)]
+    frames = frames_of(write_messages(tmp_path / 'bag', *received), '--fps', '20')
     ages = [np.array(frames[f'age_s.{name}'].to_pylist(), np.float64).reshape(-1) for name in ('force', 'topic.force')]
     assert len(frames) > 3
     assert 'observation.topic.force' in frames.column_names
@@ -346,17 +325,13 @@ def test_a_feature_that_never_was_a_number_has_no_statistics() -> None:
 def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    writer = BagWriter(tmp_path / 'hand')
-    for finger in ('left', 'right'):
-        writer.add_topic(BagTopic.of_type(f'/{finger}/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
+    received = []
     for number in range(12):
         for finger in ['left'] * (number < 10) + ['right'] * (number >= 6):
             stamp_ns = START_NS + number * STEP_NS
-            data = messages.encode(force(number, stamp_ns))
-            writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', data, stamp_ns + 9_000_000, stamp_ns)
-    writer.close()
-    assert main(['export', 'lerobot', str(tmp_path / 'hand'), '-o', str(tmp_path / 'set'), '--fps', '60']) == 0
-    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+            topic = f'/{finger}/{FORCE_DISTRIBUTION.name}'
+            received.append((topic, force(number, stamp_ns), stamp_ns + 9_000_000))
+    frames = frames_of(write_messages(tmp_path / 'hand', *received), '--fps', '60')
     assert frames['stamp_ns'][0].as_py() == START_NS + 6 * STEP_NS
     maps = [frames[f'observation.{finger}.force_map'][0].as_py() for finger in ('left', 'right')]
     assert maps[0] == maps[1] == force(6, 0).normal_force.tolist()

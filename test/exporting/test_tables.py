@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag
+from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag, write_messages
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
@@ -43,32 +43,31 @@ def zarr_root(bag: Path):
 
 
 def test_features_before_and_after_a_knock_of_the_camera_are_one_table(tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / 'knocked')
-    writer.add_topic(BagTopic.of_type('/flow_features', 'tactile_nodes/msg/FlowFeatures'))
-    for number, motion in enumerate(([], range(8))):
-        message = types.FlowFeatures(values=np.ones(4, np.float32), picture_motion=np.array(motion, np.float32))
-        writer.write('/flow_features', messages.encode(message), START_NS + number, START_NS)
-    writer.close()
+    still, moved = (
+        types.FlowFeatures(values=np.ones(4, np.float32), picture_motion=np.array(motion, np.float32))
+        for motion in ([], range(8))
+    )
+    write_messages(tmp_path / 'knocked', ('/flow_features', still, START_NS), ('/flow_features', moved, START_NS + 1))
     words = [str(tmp_path / 'knocked'), '-o', str(tmp_path / 'tables'), '--topics', 'flow_features']
     assert main(['export', 'parquet', *words]) == 0
-    still, moved = pq.read_table(tmp_path / 'tables/flow_features.parquet')['picture_motion'].to_pylist()
-    assert np.isnan(still).all() and moved == list(range(8))
+    motions = pq.read_table(tmp_path / 'tables/flow_features.parquet')['picture_motion'].to_pylist()
+    assert np.isnan(motions[0]).all() and motions[1] == list(range(8))
 
 
 def test_what_a_rig_records_of_its_devices_does_not_stop_an_export(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Batches of counts, the last of which is shorter, and bytes of lines."""
-    writer = BagWriter(tmp_path / 'collected')
-    for length in (3, 2):
+    received = [
+        (topic, message, START_NS + length)
+        for length in (3, 2)
         for topic, message in (
             ('/force_torque_counts', types.ForceTorqueCounts(measured=np.zeros(length, np.uint32))),
             ('/serial_traffic', types.SerialTraffic(data=np.zeros(length, np.uint8))),
             ('/wrench', types.WrenchStamped()),
-        ):
-            writer.add_topic(BagTopic.of_type(topic, type(message).__msgtype__))
-            writer.write(topic, messages.encode(message), START_NS + length, START_NS)
-    writer.close()
+        )
+    ]
+    write_messages(tmp_path / 'collected', *received)
     assert main(['export', 'parquet', str(tmp_path / 'collected'), '-o', str(tmp_path / 'tables')]) == 0
     assert '/serial_traffic (bytes of any length)' in capsys.readouterr().out
 
