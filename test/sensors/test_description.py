@@ -9,7 +9,13 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensors import MaskSettings, load_sensor
-from tactile_nodes.sensors.writing import text_of
+from tactile_nodes.sensors.writing import text_of, values_of
+
+DOME = (
+    'gel: {width_mm: 16.0, height_mm: 16.0, outline_mm: ellipse, layers_mm: [4.0], moduli_mpa: [0.1], '
+    'poisson_ratios: [0.49], markers_mm: [0.5, 1.5], dome_radius_mm: 25.0}'
+)
+"""Shallow: its rim is 1.31 mm lower than its middle."""
 
 
 def described(folder: Path, text: str) -> Path:
@@ -86,6 +92,22 @@ def test_a_camera_is_described_as_opencv_and_ros_write_it(tmp_path: Path) -> Non
         ),
         ('camera: {model: pinhole, focal_px: [30.0, 30.0]}', 'camera.focal_px and .* 42x42 pixels large'),
         ('# nothing yet', 'sensor.yaml is empty'),
+        ("gel: {outline_mm: '0,0 5,5'}", 'must be empty .a rectangle., ellipse, or three corners'),
+        ('gel: {outline_mm: round}', 'must be empty'),
+        ("gel: {outline_mm: '-20,-5 5,-5 5,5'}", 'goes beyond gel.width_mm by gel.height_mm, 32x32 mm'),
+        ("gel: {outline_mm: '1,1 5,1 5,5'}", 'does not contain .0, 0.'),
+        (f"gel: {{outline_mm: '{'0,0 1,0 1,1 ' * 200}'}}", '600 corners, at most 500'),
+        (DOME.replace('25.0', '20.0'), 'a shallow dome has a radius of 22.9 mm or more'),
+        (DOME.replace('[0.5, 1.5]', '[0.5, 2.7]'), '1.31 mm lower at its rim'),
+        (DOME.replace('25.0', '-1.0'), 'at least 0.0'),
+        ('frame: {position_mm: [1.0, 2.0]}', 'frame.position_mm must hold 3 finite numbers'),
+        ('frame: {rpy_deg: [0.0, .inf, 0.0]}', 'frame.rpy_deg must hold 3 finite numbers'),
+        ('frame: {id: left finger}', 'names of frames have no spaces'),
+        ('frame: {parent: /hand}', 'no leading slash'),
+        ("frame: {id: ''}", 'must be given and differ from'),
+        ('frame: {id: hand, parent: hand}', 'must be given and differ from'),
+        ('camera: {roll_deg: .inf}', r"sensor\.yaml.*roll_deg' must be finite"),
+        ('camera: {tilt_deg: [0.0, .inf]}', r'sensor\.yaml.*tilt_deg must be finite'),
     ],
 )
 def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, text: str, said: str) -> None:
@@ -93,13 +115,29 @@ def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, text: 
         load_sensor(described(tmp_path, text))
 
 
-def test_a_description_that_was_written_is_read_as_it_was(tmp_path: Path) -> None:
-    sensor = replace(load_sensor('simulated'), name='a "name" # of \\ mine', mask=MaskSettings(('0,0 9,0 9,9',)))
-    (tmp_path / 'mine.yaml').write_text(text_of(sensor, {'gel.width_mm': 'as given'}))
-    assert load_sensor(tmp_path / 'mine.yaml') == sensor
-    dots = load_sensor('printed_dots')
-    (tmp_path / 'mine.yaml').write_text(text_of(dots, {}))
-    assert load_sensor(tmp_path / 'mine.yaml') == dots
+OUTLINE = '-6,-10 6,-10 12,0 6,10 -6,10 -12,0'
+FRAME = 'frame: {id: left_finger, parent: gripper_link, position_mm: [0, 0, 12]}'
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        r"""name: 'a "name" # of \ mine'""", 'mask: {polygons_px: ["0,0 9,0 9,9"]}', DOME, FRAME,
+        'pattern: {kind: dots, pitch_mm: 2.5}', f"gel: {{outline_mm: '{OUTLINE}'}}",
+    ],
+)  # fmt: skip
+def test_a_description_that_was_written_is_read_as_it_was(tmp_path: Path, text: str) -> None:
+    sensor = load_sensor(described(tmp_path, text))
+    assert sensor != load_sensor('simulated')
+    (tmp_path / 'again.yaml').write_text(text_of(sensor, {'gel.width_mm': 'as given'}))
+    assert load_sensor(tmp_path / 'again.yaml') == sensor
+
+
+def test_the_card_of_a_flat_rectangular_gel_says_nothing_of_rim_dome_and_mounting(tmp_path: Path) -> None:
+    values = values_of(load_sensor('simulated'))
+    assert not [name for name in values if name.startswith(('gel.outline', 'gel.dome', 'frame'))]
+    assert values_of(load_sensor(described(tmp_path, f"gel: {{outline_mm: '{OUTLINE}'}}")))['gel.outline_mm'] == OUTLINE
+    assert not [name for name in values_of(load_sensor(described(tmp_path, FRAME))) if name.startswith('frame')]
 
 
 @pytest.mark.parametrize(
@@ -122,9 +160,3 @@ def test_every_sensor_that_ships_shows_its_gel_to_enough_regions(name: str) -> N
 def test_a_missing_sensor_is_reported_with_those_that_ship() -> None:
     with pytest.raises(ConfigurationError, match=r"no sensor 'other'.*simulated"):
         load_sensor('other')
-
-
-@pytest.mark.parametrize('text', ['camera: {roll_deg: .inf}', 'camera: {tilt_deg: [0.0, .inf]}'])
-def test_a_value_that_is_not_finite_is_refused(tmp_path: Path, text: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"sensor\.yaml.*(roll_deg'|tilt_deg) must be finite"):
-        load_sensor(described(tmp_path, text))

@@ -1,13 +1,9 @@
-"""Where a sensor is mounted: transforms by hand, and what is no mounting."""
-
-from pathlib import Path
+"""Where a sensor is mounted: transforms by hand."""
 
 import numpy as np
 import pytest
 
-from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensors import Mounting, load_sensor
-from tactile_nodes.sensors.writing import text_of, values_of
+from tactile_nodes.sensors import Mounting
 
 
 def test_a_point_of_the_surface_is_where_the_mounting_takes_it() -> None:
@@ -34,28 +30,3 @@ def test_every_mounting_is_a_rigid_motion() -> None:
     turned = Mounting(rpy_deg=(20.0, -35.0, 110.0)).parent_from_surface[:3, :3]
     assert turned @ turned.T == pytest.approx(np.eye(3))
     assert np.linalg.det(turned) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(
-    ('frame', 'said'),
-    [
-        ('{position_mm: [1.0, 2.0]}', 'frame.position_mm must hold 3 finite numbers'),
-        ('{rpy_deg: [0.0, .inf, 0.0]}', 'frame.rpy_deg must hold 3 finite numbers'),
-        ('{id: left finger}', 'names of frames have no spaces'),
-        ('{parent: /hand}', 'no leading slash'),
-        ("{id: ''}", 'must be given and differ from'),
-        ('{id: hand, parent: hand}', 'must be given and differ from'),
-    ],
-)
-def test_what_is_no_mounting_is_refused(tmp_path: Path, frame: str, said: str) -> None:
-    (tmp_path / 'mine.yaml').write_text(f'frame: {frame}\n')
-    with pytest.raises(ConfigurationError, match=said):
-        load_sensor(tmp_path / 'mine.yaml')
-
-
-def test_a_mounting_is_read_as_it_was_written_and_is_no_part_of_a_model(tmp_path: Path) -> None:
-    (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger, parent: gripper_link, position_mm: [0, 0, 12]}\n')
-    sensor = load_sensor(tmp_path / 'mine.yaml')
-    (tmp_path / 'again.yaml').write_text(text_of(sensor, {}))
-    assert load_sensor(tmp_path / 'again.yaml').frame == Mounting('left_finger', 'gripper_link', (0.0, 0.0, 12.0))
-    assert not any(name.startswith('frame') for name in values_of(sensor))
