@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import copy
 import functools
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from dots import DOTS, grow, picture, press, shift
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -17,11 +16,6 @@ from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
-from tactile_nodes.pipeline.judge_force import judged
-from tactile_nodes.sensing.explain.model import ForceMap
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
-from dots import DOTS, grow, picture, press, shift
 
 FORCE = types.ForceDistribution
 S = 1_000_000_000
@@ -336,15 +330,3 @@ def test_the_status_is_never_ok_of_features_that_are_none(fast: Estimating, none
     assert not force.in_contact
     wrench = conversions.wrench_message(force).wrench
     assert np.isnan([wrench.force.z, wrench.torque.x, wrench.torque.y]).all()
-
-
-def test_the_uncertainty_grows_with_unlikeness_lost_regions_and_reasons() -> None:
-    def sigma_n(confidence: float = 1.0, unlikeness: float = 0.5, reasons: int = 0) -> float:
-        found = ForceMap(np.zeros((1, 1), np.float32), 0.45, 0.1, (0.0, 0.0), confidence, (), 0.004, 0.1, unlikeness)
-        return judged(found, reasons).sigma_n
-
-    assert sigma_n() == pytest.approx(0.004)
-    assert sigma_n(unlikeness=3.0) == pytest.approx(0.012)
-    # A tenth of the regions beyond the hundredth that presses hide: 0.1 of 0.45 + 0.05 N, and 0.004 N beside it.
-    assert sigma_n(confidence=0.89) == pytest.approx(np.hypot(0.05, 0.004))
-    assert sigma_n(reasons=FORCE.REASON_BLURRED) == pytest.approx(np.hypot(0.02 * 0.5, 0.004))

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
+from dots import SIDE, picture, press
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.following import Following, FollowingParams
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
-from dots import SIDE, picture, press
 
 FORCE = types.ForceDistribution
 S = 1_000_000_000

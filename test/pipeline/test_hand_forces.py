@@ -98,30 +98,40 @@ def test_a_sensor_that_falls_silent_is_awaited_for_three_frames_and_then_no_more
     assert {tuple(each.missing) for due in made for each in due} == {('right',)}
 
 
-def test_a_sensor_that_returns_is_not_summed_alone_for_a_time_that_was_summed_without_it() -> None:
-    # The right finger is four frames late: what it felt at 59 ms belongs to the left one's 67 ms.
-    order = [('left', 0), ('right', 8), ('left', 17), ('left', 33), ('left', 50), ('left', 67), ('right', 59)]
-    order += [('left', 83), ('right', 75)]
-    made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
-    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [8, 17, 33, 50, 67, 83]
-    assert [each.missing for each in made] == [[], *4 * [['right']], []]
+NOBODY: list[str] = []
+RIGHT = ['right']
 
 
-def test_stamps_of_sums_never_step_back() -> None:
-    # The left finger's second picture came 2 ms before the first sum's newest, and the right one's is lost.
-    order = [('left', 0), ('right', 16), ('left', 14), ('right', 47), ('left', 33), ('left', 50)]
-    made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
-    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [16, 47]
-    assert [each.missing for each in made] == [[], []]
-
-
-def test_a_force_that_is_late_by_a_frame_or_two_is_in_its_sum() -> None:
-    # The second of the right finger comes only after the fourth of the left one.
-    forces = HandForces(HAND)
-    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('left', 51), ('right', 25), ('right', 42)]
-    made = sums(forces, *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
-    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [8, 25, 42]
-    assert [each.missing for each in made] == [[], [], []]
+@pytest.mark.parametrize(
+    ('came', 'sums_ms', 'missing'),
+    [
+        # What the right finger felt at 59 ms belongs to the left one's 67 ms.
+        pytest.param(
+            'left 0, right 8, left 17, left 33, left 50, left 67, right 59, left 83, right 75',
+            [8, 17, 33, 50, 67, 83], [NOBODY, RIGHT, RIGHT, RIGHT, RIGHT, NOBODY], id='four frames late',
+        ),
+        # The second of the right finger comes only after the fourth of the left one.
+        pytest.param(
+            'left 0, right 8, left 17, left 34, left 51, right 25, right 42', [8, 25, 42], [NOBODY, NOBODY, NOBODY],
+            id='late by a frame or two',
+        ),
+        # The left finger's second picture came 2 ms before the first sum's newest, and the right one's is lost.
+        pytest.param(
+            'left 0, right 16, left 14, right 47, left 33, left 50', [16, 47], [NOBODY, NOBODY],
+            id='stamps never step back',
+        ),
+        pytest.param(
+            'left 0, right 8, left 17, left 34, right 42', [8, 17, 42], [NOBODY, RIGHT, NOBODY], id='a picture was lost'
+        ),
+    ],
+)  # fmt: skip
+def test_forces_that_are_late_or_lost_are_in_their_sum_or_missing_from_it_alone(
+    came: str, sums_ms: list[int], missing: list[list[str]]
+) -> None:
+    order = [each.split() for each in came.split(', ')]
+    made = sums(HandForces(HAND), *((name, pressed(float(at_ms), 1.0)) for name, at_ms in order))
+    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == sums_ms
+    assert [each.missing for each in made] == missing
 
 
 @pytest.mark.parametrize('ahead', [0, 2])
@@ -136,12 +146,6 @@ def test_a_recording_that_begins_again_is_summed_again(ahead: int) -> None:
     whole = [stamp_ns(each.header.stamp) for each in made if not each.missing]
     assert whole[-117:] == [START + 17 * frame * MS for frame in range(3, 120)]
     assert len(whole) >= 117 + 118
-
-
-def test_a_picture_that_was_lost_is_missing_from_its_own_sum_alone() -> None:
-    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 42)]
-    made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
-    assert [each.missing for each in made] == [[], ['right'], []]
 
 
 def test_in_a_replay_nothing_waits_for_a_sensor_whose_last_picture_was_answered() -> None:

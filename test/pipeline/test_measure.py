@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from measured import Measured
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.picture.stillness import StillnessOptions
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
-from measured import Measured
 
 RNG = np.random.default_rng(5)
 PATTERN = np.repeat(np.repeat(RNG.integers(0, 200, (40, 40), dtype=np.uint8), 4, 0), 4, 1)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import functools
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from dots import picture, press, shift, turn
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.following import Following, FollowingParams
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
-from dots import picture, press, shift, turn
 
 S = 1_000_000_000
 TOUCH, KNOCK = press(200, 230, 0.8), (shift(1.3, -0.6), turn(0.5))

@@ -7,14 +7,12 @@ from pathlib import Path
 from types import FrameType
 
 import pytest
+from dots import picture, press
 
 import tactile_nodes
 from tactile_nodes import conversions
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
-from dots import picture, press
 
 PACKAGE = f'{Path(tactile_nodes.__file__).parent}/'
 CARRIED = {'Frame', 'FlowFeatures', 'Features', 'DisplacementField', 'ForceMap', 'Judged'}

@@ -77,9 +77,3 @@ def test_a_blank_rest_image_is_refused_and_the_one_before_stays() -> None:
     with pytest.raises(ImageError, match='markers'):
         given(memory, np.full_like(PATTERN, 90), 1)
     assert memory.in_use is kept
-
-
-def test_rest_images_of_other_content_have_other_ids() -> None:
-    ids = {given(remembering(), image, 0).prepared.reference_id for image in (PATTERN, PATTERN[::-1].copy())}
-    assert len(ids) == 2
-    assert {len(each) for each in ids} == {12}

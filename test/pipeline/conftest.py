@@ -1,0 +1,6 @@
+"""Pictures of the tests of sensing serve here, too."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
