@@ -81,6 +81,20 @@ def _soon_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, 'ASKED_S', 1.0)
 
 
+@pytest.fixture
+def line() -> Iterator[Line]:
+    """To a program that says all that it hears."""
+    program = Program('cat')
+    yield Line(program, 'grbl', ear(), SystemClock())
+    program.close()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Callable[..., Bench]:
+    machine = firmware.machines(arguments(grbl=['A=b']))[0]
+    return lambda fault, **more: Bench(machine, FAULTS[fault], SystemClock(), tmp_path, **more)
+
+
 # The ear.
 
 
@@ -213,42 +227,40 @@ LOADS = [
 
 
 @pytest.mark.parametrize(('fault', 'kind', 'reason'), LOADS)
-def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, reason: str, tmp_path: Path) -> None:
+def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, reason: str, bench: Callable[..., Bench]) -> None:
     """At 0.3 mm the gel gives (0.577·0.3)^1.5 = 0.07 N, to which 3.5 N or 6 N come; 2 N within 40 ms are 50 N/s."""
-    bench = Bench(firmware.machines(arguments(grbl=['A=b']))[0], FAULTS[fault], SystemClock(), tmp_path)
+    press = bench(fault)
     safety = Safety(CollectionSettings(limits=LIMITS).watched)
     safety.watch(S, camera=False)
     safety.tare(NOTHING)
-    bench.reported.take(at(-20.3), S)
+    press.reported.take(at(-20.3), S)
     for number in range(100):
         if number == 50:
             assert safety.trip is None
-            bench.begun_ns = S
+            press.begun_ns = S
         now_ns = S + number * S // 500
-        safety.sample(Sample(bench.wrench_at(now_ns), now_ns, now_ns, 0, number, 0, 0, 0, ()))
+        safety.sample(Sample(press.wrench_at(now_ns), now_ns, now_ns, 0, number, 0, 0, 0, ()))
     assert safety.trip is not None
     assert (safety.trip.kind, safety.trip.reason) == (kind, reason)
-    bench.reported.take(at(-19.9), S)
-    assert bench.wrench_at(S) == NOTHING
+    press.reported.take(at(-19.9), S)
+    assert press.wrench_at(S) == NOTHING
 
 
-def test_a_press_that_ends_before_its_fault_tells_nothing_of_it(tmp_path: Path) -> None:
-    bench = Bench(firmware.machines(arguments(grbl=['A=b']))[0], FAULTS['none'], SystemClock(), tmp_path)
+def test_a_press_that_ends_before_its_fault_tells_nothing_of_it(bench: Callable[..., Bench]) -> None:
+    press = bench('none')
     with pytest.raises(TactileError, match='before its fault: error 8'):
-        require_begun(bench, Outcome('error 8', 'driver'))
-    bench.begun_ns = S
-    require_begun(bench, Outcome('it is silent', 'machine'))
+        require_begun(press, Outcome('error 8', 'driver'))
+    press.begun_ns = S
+    require_begun(press, Outcome('it is silent', 'machine'))
 
 
-def test_a_press_that_a_silence_stopped_tells_nothing_of_a_load(tmp_path: Path) -> None:
+def test_a_press_that_a_silence_stopped_tells_nothing_of_a_load(bench: Callable[..., Bench]) -> None:
     """A busy computer silences firmware and sensor; only where a fault does is that what came of it."""
-    machine, clock = firmware.machines(arguments(grbl=['A=b']))[0], SystemClock()
     for name, kind in [('force', SILENT_MACHINE), ('bearable', SENSOR), ('late', SILENT_MACHINE)]:
-        bench = Bench(machine, FAULTS[name], clock, tmp_path, begun_ns=S)
         with pytest.raises(TactileError, match='before its fault told: it is silent'):
-            require_begun(bench, Outcome('it is silent', kind))
+            require_begun(bench(name, begun_ns=S), Outcome('it is silent', kind))
     for name, kind in [('late', SENSOR), ('mute', SILENT_MACHINE), ('force', FORCE)]:
-        require_begun(Bench(machine, FAULTS[name], clock, tmp_path, begun_ns=S), Outcome('it is silent', kind))
+        require_begun(bench(name, begun_ns=S), Outcome('it is silent', kind))
 
 
 @pytest.mark.usefixtures('_soon_at_rest')
@@ -284,32 +296,23 @@ def test_when_the_commanding_process_is_killed_the_tip_goes_up_by_what_watches_o
         ('faster', b'$J=G21 G90 G53 X-20.000 Y-20.000 Z-20.750 F60.0\n', b'F960.0'),
     ],
 )
-def test_one_line_is_damaged_on_its_way_and_no_other(fault: str, sent: bytes, arrives: bytes) -> None:
-    program = Program('cat')
-    line = Line(program, 'grbl', ear(), SystemClock())
+def test_one_line_is_damaged_on_its_way_and_no_other(fault: str, sent: bytes, arrives: bytes, line: Line) -> None:
     FAULTS[fault].begin(line)
     assert line.faults.passed('>', b'?') == b'?'
     assert arrives in line.faults.passed('>', sent)
     assert line.faults.passed('>', sent) == sent
-    program.close()
 
 
-def test_an_echo_says_all_that_is_sent_and_loses_none_of_it() -> None:
-    program = Program('cat')
-    line = Line(program, 'grbl', ear(), SystemClock())
+def test_an_echo_says_all_that_is_sent_and_loses_none_of_it(line: Line) -> None:
     FAULTS['echo'].begin(line)
     assert line.faults.passed('>', b'?') == b'?'
     assert line.faults.passed('<', b'ok\r\n') == b'ok\r\n'
     assert line.take_output() == b'?'
-    program.close()
 
 
-def test_a_fault_that_kills_kills_nobody_where_nobody_is_reported_to_be_killed() -> None:
-    program = Program('cat')
-    line = Line(program, 'grbl', ear(), SystemClock())
+def test_a_fault_that_kills_kills_nobody_where_nobody_is_reported_to_be_killed(line: Line) -> None:
     with pytest.raises(ConfigurationError, match='not the one to be killed'):
         FAULTS['killed'].begin(line)
-    program.close()
 
 
 @pytest.mark.parametrize(
