@@ -69,12 +69,13 @@ def test_the_map_adds_up_to_the_total_and_shows_the_peak():
     np.testing.assert_allclose(result.normal_force_n, [[0, 0.5], [1, 0]])
 
 
-def test_a_force_in_one_bin_is_at_its_centre():
-    assert ForceEstimator(one_layer()).predict(features(0, 0, 0, 1)).contact_mm == (5.0, 5.0)
-
-
-def test_equal_forces_in_two_neighbours_are_at_their_border():
-    assert ForceEstimator(one_layer()).predict(features(1, 1, 0, 0)).contact_mm == (0.0, -5.0)
+@pytest.mark.parametrize(
+    ('forces', 'contact_mm'),
+    [((0, 0, 0, 1), (5.0, 5.0)), ((1, 1, 0, 0), (0.0, -5.0)), ((-1, -1, -0.5, -1), (-5.0, 5.0))],
+    ids=['in one bin', 'in two neighbours alike', 'nowhere: in the strongest bin'],
+)
+def test_a_contact_is_where_the_force_is(forces: tuple[float, ...], contact_mm: tuple[float, float]):
+    assert ForceEstimator(one_layer()).predict(features(*forces)).contact_mm == contact_mm
 
 
 def test_bins_far_from_the_peak_do_not_move_the_contact():
@@ -82,10 +83,6 @@ def test_bins_far_from_the_peak_do_not_move_the_contact():
     forces[2, 2], forces[8, 8] = 1.0, 0.9
     centres = BinGrid().centres_mm
     assert contact_position_mm(forces, centres) == tuple(centres[2, 2])
-
-
-def test_a_map_without_force_has_its_contact_in_the_strongest_bin():
-    assert ForceEstimator(one_layer()).predict(features(-1, -1, -0.5, -1)).contact_mm == (-5.0, 5.0)
 
 
 def test_regions_without_markers_do_not_reach_the_network():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
@@ -70,14 +72,18 @@ def test_dead_pixels_are_found_in_three_frames_and_filled_in(grey: int) -> None:
     assert not off[~DEAD].any()
 
 
-@pytest.mark.parametrize('blur_px', [0.2, 0.3, 0.5, 0.8])
-def test_dots_that_a_lens_out_of_focus_dims_are_no_dead_pixels(blur_px: float) -> None:
-    assert looked(*(cv2.GaussianBlur(picture(number=number), (0, 0), blur_px) for number in range(SEEN))).count == 0
+def blurred(image: np.ndarray, blur_px: float) -> np.ndarray:
+    return cv2.GaussianBlur(image, (0, 0), blur_px)
 
 
-@pytest.mark.parametrize('quality', [90, 60, 30])
-def test_what_jpeg_adds_is_no_dead_pixel(quality: int) -> None:
-    assert looked(*(through_jpeg(picture(number=number), quality) for number in range(SEEN))).count == 0
+@pytest.mark.parametrize(
+    ('change', 'by'),
+    [*((blurred, blur_px) for blur_px in (0.2, 0.3, 0.5, 0.8)), *((through_jpeg, quality) for quality in (90, 60, 30))],
+)
+def test_what_a_lens_out_of_focus_dims_and_what_jpeg_adds_are_no_dead_pixels(
+    change: Callable[..., np.ndarray], by: float
+) -> None:
+    assert looked(*(change(picture(number=number), by) for number in range(SEEN))).count == 0
 
 
 def test_touches_between_the_frames_do_not_hinder() -> None:

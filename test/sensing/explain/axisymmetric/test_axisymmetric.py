@@ -83,15 +83,6 @@ def test_right_under_the_press_lateral_motion_has_no_direction() -> None:
     assert moved == pytest.approx(vertical_only, abs=1e-2)
 
 
-@pytest.mark.parametrize('axis', [0, 1, 2])
-def test_slopes_are_those_of_finite_differences(axis: int) -> None:
-    bent = dataclasses.replace(response(), width=1.1, softness=0.9)
-    contacts, step = np.array([[1.3, -4.2, 0.4], [-8.0, 6.1, 0.9]]), np.eye(3)[axis] * 1e-5
-    slope = bent.motion_and_slopes(contacts)[1][axis]
-    measured = (bent.motion(contacts + step) - bent.motion(contacts - step)) / 2e-5
-    assert slope == pytest.approx(measured, abs=1e-6)
-
-
 def test_a_gel_twice_as_soft_shows_at_half_the_force_what_the_known_one_does() -> None:
     soft = dataclasses.replace(response(), softness=2.0)
     known = response().motion(np.array([[3.0, 4.0, 0.8]]))
