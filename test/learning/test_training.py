@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import Choice, DataConfig, NetworkConfig, TrainConfig, TrainingConfig
 from tactile_nodes.learning.datasets import simulated as datasets
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
-from tactile_nodes.learning.evaluation.evaluate import evaluate, put_aside
-from tactile_nodes.learning.evaluation.predictions import predict
-from tactile_nodes.learning.evaluation.tables import report
+from tactile_nodes.learning.evaluation.evaluate import put_aside
 from tactile_nodes.learning.network import layers as network_layers
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.run.folder import read_run
@@ -55,12 +53,6 @@ def test_a_data_set_has_the_papers_features(data: Dataset):
     assert data.rest.tolist() == [0] * 20 + [1] * 20
 
 
-def test_labels_hold_the_whole_force_in_one_bin(data: Dataset, tmp_path: Path):
-    labels = data.labels(small_config(tmp_path).bins)
-    np.testing.assert_allclose(labels.sum(axis=1), data.presses[:, 3], rtol=1e-6)
-    assert (np.count_nonzero(labels, axis=1) == (data.presses[:, 3] > 0)).all()
-
-
 def test_a_data_set_is_made_once(data: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def refuse(*_: object) -> None:
         raise AssertionError('rendered again')
@@ -86,30 +78,10 @@ def test_a_model_says_how_it_was_made(data: Dataset, trained: Path):
     assert card['validation']['armse_n'] > 0
 
 
-def test_predictions_go_through_the_live_estimator(data: Dataset, trained: Path):
-    predictions = predict(load_model(trained), data)
-    assert len(predictions) == 40
-    assert predictions[0].normal_force_n.shape == (9, 9)
-
-
 def test_without_torch_the_extra_to_install_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, 'torch', None)
     with pytest.raises(ConfigurationError, match=r"pip install 'tactile_nodes\[train\]'"):
         network_layers.import_torch()
-
-
-def test_evaluation_scores_presses_that_training_never_saw(data: Dataset, trained: Path):
-    scores = evaluate(trained, presses=16, seed=77)
-    assert scores.fingerprint != data.fingerprint
-    assert scores.groups['all presses'].presses + scores.rest.frames == 20
-    near, away = scores.groups['within 0.3 mm of a bin border'], scores.groups['away from bin borders']
-    assert near.presses + away.presses == scores.groups['all presses'].presses
-    assert 'RMSE_mc' in report([scores])
-
-
-def test_evaluation_on_the_training_presses_is_refused(trained: Path):
-    with pytest.raises(ModelError, match='trained on presses of seed 3'):
-        evaluate(trained, presses=16, seed=3)
 
 
 def test_training_gives_the_same_readout_twice(trained: Path, tmp_path: Path):
@@ -146,12 +118,6 @@ def test_a_grid_of_presses_is_split_in_three_and_the_test_found_again(tmp_path: 
     again, words = put_aside(loaded, loaded, Progress())
     assert 'not bit-identical' in words
     np.testing.assert_array_equal(again.presses, test.presses)
-
-
-def test_no_test_is_found_where_nothing_was_put_aside(trained: Path):
-    loaded = load_model(trained)
-    with pytest.raises(ModelError, match='has no simulated test set'):
-        put_aside(loaded, loaded, Progress())
 
 
 def test_a_flow_that_judges_each_frame_has_its_confidence_kept(tmp_path: Path):

@@ -28,10 +28,14 @@ from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset, save_dataset
 from tactile_nodes.learning.datasets.recordings import RecordedPresses, fingerprint_of
 from tactile_nodes.learning.datasets.report import report
+from tactile_nodes.learning.evaluation import tables
+from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.learning.training import source
-from tactile_nodes.learning.training.source import with_file
+from tactile_nodes.learning.training.source import evaluation_samples, training_data, with_file
+from tactile_nodes.learning.training.train import train
+from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.rest.reference import content_id
 
@@ -228,8 +232,6 @@ def test_a_run_that_asks_for_other_features_is_refused(presses: RecordedPresses,
 
 def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
     """Three of twelve presses are put aside (a fifth, rounded up); of the nine left seven train."""
-    from tactile_nodes.learning.training.source import training_data
-
     data = training_data(run_config(tmp_path, file), Progress())
     touched = data.dataset.presses[:, 2] > 0
     assert (touched.sum(), (touched & ~data.held_out).sum()) == (9, 7)
@@ -238,8 +240,6 @@ def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
 def trained(folder: Path, file: Path, split: str) -> Path:
     """A model of all presses but those that are put aside."""
     pytest.importorskip('torch')
-    from tactile_nodes.learning.training.train import train
-
     return train(run_config(folder, file, split), forced=True)
 
 
@@ -252,10 +252,6 @@ def model(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(
     file: Path, model: Path, tmp_path: Path, split: str
 ) -> None:
-    from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
-    from tactile_nodes.learning.evaluation.tables import report
-    from tactile_nodes.model_file import load_model
-
     if split != 'sample':
         model = trained(tmp_path, file, split)
     card = load_model(model).card
@@ -263,15 +259,13 @@ def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(
     assert card['data']['fingerprint'] == load_dataset(file).fingerprint
     scores = evaluate_recorded(model, file)
     assert scores.groups['all presses'].presses == 3
-    assert f'put aside by {split}' in report([scores])
+    assert f'put aside by {split}' in tables.report([scores])
     other = 'position' if split == 'sample' else 'sample'
     with pytest.raises(ModelError, match='it saw presses of the test set'):
         evaluate_recorded(model, file, split=other)
 
 
 def test_another_file_of_the_same_bags_is_no_test(bag: Path, model: Path, tmp_path: Path) -> None:
-    from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
-
     save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
     with pytest.raises(ModelError, match='presses of the same bags'):
         evaluate_recorded(model, tmp_path / 'each.npz')
@@ -298,9 +292,6 @@ def test_a_run_of_any_contact_names_the_presses_of_its_tips(file: Path, monkeypa
 def test_bags_of_runs_that_ended_before_their_first_press_are_not_the_same_presses(
     model: Path, tmp_path: Path, sensor: Sensor
 ) -> None:
-    from tactile_nodes.learning.training.source import evaluation_samples
-    from tactile_nodes.model_file import load_model
-
     others = Collection(tmp_path / 'others', sensor, start_ns=START_NS + 1000 * SECOND_NS)
     others.reference(0)
     others.press(0, 1, 0.0, 0.0, 0.5)
@@ -314,9 +305,6 @@ def test_bags_of_runs_that_ended_before_their_first_press_are_not_the_same_press
 
 
 def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> None:
-    from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
-    from tactile_nodes.model_file import find_model
-
     with pytest.raises(ModelError, match='was trained with flow'):
         evaluate_recorded(find_model('fast'), file)
 

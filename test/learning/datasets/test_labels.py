@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.learning.datasets.labels import bin_indices, describe, force_labels, outside
+from tactile_nodes.learning.datasets.labels import bin_indices, force_labels, outside
 from tactile_nodes.sensing.geometry import BinGrid
 
 WHOLE = BinGrid(9, 9, 32.0, 32.0)
@@ -41,7 +41,3 @@ def test_a_label_holds_the_whole_force_in_one_bin() -> None:
 def test_the_rim_belongs_to_the_surface() -> None:
     assert not outside(13.5, -13.5, PRESSED)
     assert outside(13.6, 0.0, PRESSED)
-
-
-def test_the_reading_is_reported_in_words() -> None:
-    assert describe(WHOLE).startswith('9x9 bins of 3.556x3.556 mm over 32x32 mm')

@@ -46,6 +46,7 @@ SMALL = sensor_of(
     4000, BinSettings(4, 6),
 )  # fmt: skip
 """3 mm a bin, 20 px a millimetre: 16x10 mm are seen."""
+MASKED = dataclasses.replace(SMALL, mask=MaskSettings(('0,0 79,0 79,239 0,239',)))
 
 
 @pytest.fixture(scope='module')
@@ -87,8 +88,7 @@ def test_a_model_that_was_never_saved_reads_with_compiled_loops_as_with_numpy(ma
 
 def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
     """The left quarter of the picture shows something else than the gel, which goes 3 px to the right there."""
-    masked = dataclasses.replace(SMALL, mask=MaskSettings(('0,0 79,0 79,239 0,239',)))
-    made, gel = model_of(masked, tmp_path), dataclasses.replace(gel_of(SMALL), mechanics='linear')
+    made, gel = model_of(MASKED, tmp_path), dataclasses.replace(gel_of(SMALL), mechanics='linear')
     assert isinstance(made.model.readout, FieldReadout)
     assert not made.model.readout.scaling.trusted[:, :4].any()
     optics, flow = Optics(gel, linear_table(gel)), make_flow(*made.flow)
@@ -102,8 +102,7 @@ def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
 
 
 def test_presses_on_a_sensor_with_a_mask_are_measured_as_its_model_was(tmp_path: Path) -> None:
-    masked = dataclasses.replace(SMALL, mask=MaskSettings(('0,0 79,0 79,239 0,239',)))
-    model_of(masked, tmp_path)
+    model_of(MASKED, tmp_path)
     optics = Optics(gel_of(SMALL), linear_table(gel_of(SMALL)))
     pictures = np.stack([optics.render((Press(x, 0.0, 0.3),) if x else (), 7) for x in (0.0, 2.0, -2.0)])
     file, x_mm, force_n = tmp_path / 'small.safetensors', np.array([np.nan, 2.0, -2.0]), np.array([0.0, 0.1, 0.2])

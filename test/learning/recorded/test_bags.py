@@ -13,6 +13,7 @@ from told import Told
 
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import DatasetError
@@ -341,16 +342,12 @@ def test_a_damaged_cache_is_named(bag: Path, tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_bag_without_presses_is_refused(tmp_path: Path) -> None:
-    from tactile_nodes.bag.writer import BagWriter
-
     BagWriter(tmp_path / 'empty').close()
     with pytest.raises(DatasetError, match='give a bag of a collection'):
         build([tmp_path / 'empty'], COARSE)
 
 
 def test_a_bag_of_a_run_that_never_pressed_is_left_out(bag: Path, tmp_path: Path) -> None:
-    from tactile_nodes.bag.writer import BagWriter
-
     BagWriter(tmp_path / 'empty').close()
     told = Told()
     assert build([tmp_path / 'empty', bag], COARSE, told).fingerprint == build([bag], COARSE).fingerprint

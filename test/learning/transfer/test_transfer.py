@@ -201,20 +201,6 @@ def test_noise_of_the_rest_image_of_the_presses_is_not_taken_for_the_gel(known_g
     assert not other.readout(other.start, known_gel.doubt).scaling.mean.any()
 
 
-@pytest.mark.parametrize(
-    ('count', 'reach_mm', 'said'),
-    [
-        (4, REACH_MM - 1, 'presses at least at 5 places, but there are 4'),
-        (25, 3.0, 'press all over the surface'),
-    ],
-)
-def test_few_presses_and_those_in_one_corner_are_refused(
-    known_gel: AxisymmetricReadout, count: int, reach_mm: float, said: str
-) -> None:
-    with pytest.raises(DatasetError, match=said):
-        transfer(known_gel, other_gel(count, 3, reach_mm))
-
-
 def test_a_gel_that_shows_markers_in_too_few_regions_is_refused(known_gel: AxisymmetricReadout) -> None:
     dataset = other_gel(25, seed=3)
     for shown in (0, 11):
@@ -273,15 +259,6 @@ def test_the_spread_of_an_offset_is_that_of_fits_without_a_fold_each(
     fold = np.arange(10) % 5
     monkeypatch.setattr(OtherGel, 'offset', lambda _, whole, chosen: 0.1 * ({*range(5)} - {*fold[chosen]}).pop())
     assert other.offset_spread(other.whole(), fold) == pytest.approx(np.sqrt(0.8 * 0.1))
-
-
-def test_forces_that_were_never_tared_are_refused(known_gel: AxisymmetricReadout) -> None:
-    dataset = other_gel(25, seed=3)
-    touched = dataset.presses[:, 2] > 0
-    shifted = dataset.presses.copy()
-    shifted[touched, 3] += 0.3
-    with pytest.raises(DatasetError, match=r'forces seem to be \+0\.\d+ N .* tare'):
-        transfer(known_gel, dataclasses.replace(dataset, presses=shifted))
 
 
 def test_forces_that_begin_at_zero_are_found_to(known_gel: AxisymmetricReadout) -> None:

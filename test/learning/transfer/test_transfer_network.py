@@ -56,6 +56,12 @@ def harder() -> Dataset:
     return polar(tiny_presses(300, seed=7), motion_gain=0.5)
 
 
+def fresh_presses(count: int, seed: int) -> Dataset:
+    """Others on the harder gel, with contact."""
+    fresh = polar(tiny_presses(count, seed=seed), motion_gain=0.5)
+    return fresh.take(np.flatnonzero(fresh.presses[:, 3] > 0))
+
+
 def as_model(readout: NetworkReadout, encoding: str = 'polar_mean') -> LoadedModel:
     return LoadedModel(ForceModel(FeatureLayout(encoding, 6, 6, 2), readout.bins, readout, model_id='tiny'), CARD)
 
@@ -125,16 +131,14 @@ def test_a_harder_gel_is_read_better_at_places_that_nothing_was_learned_at(
     source: NetworkReadout, made: NetworkTransfer
 ) -> None:
     assert made.after_paper.armse_n < 0.8 * made.before_paper.armse_n
-    fresh = polar(tiny_presses(100, seed=8), motion_gain=0.5)
-    fresh = fresh.take(np.flatnonzero(fresh.presses[:, 3] > 0))
+    fresh = fresh_presses(100, seed=8)
     found = [answers(each, fresh).sum(axis=(1, 2)) for each in (source, made.readout)]
     before, after = (np.sqrt(np.mean((each - fresh.presses[:, 3]) ** 2)) for each in found)
     assert after < 0.7 * before
 
 
 def test_stated_uncertainty_is_that_of_the_new_gel(source: NetworkReadout, made: NetworkTransfer) -> None:
-    fresh = polar(tiny_presses(150, seed=9), motion_gain=0.5)
-    fresh = fresh.take(np.flatnonzero(fresh.presses[:, 3] > 0))
+    fresh = fresh_presses(150, seed=9)
     total_n = answers(made.readout, fresh).reshape(len(fresh.presses), -1).sum(axis=1)
     sigma = np.array([made.readout.spread.sigma_n(float(each)) for each in total_n])
     assert 0.75 < (np.abs(total_n - fresh.presses[:, 3]) <= 1.645 * sigma).mean() <= 1.0
@@ -143,8 +147,7 @@ def test_stated_uncertainty_is_that_of_the_new_gel(source: NetworkReadout, made:
 
 def test_the_novelty_check_is_one_of_the_new_gel(source: NetworkReadout, made: NetworkTransfer) -> None:
     """It reads presses of that gel, to a tenth of their mean of 0.6 N; the other gel's takes half of the force."""
-    fresh = polar(tiny_presses(60, seed=11), motion_gain=0.5)
-    fresh = fresh.take(np.flatnonzero(fresh.presses[:, 3] > 0))
+    fresh = fresh_presses(60, seed=11)
     assert made.readout.novelty_check is not None
     assert source.novelty_check is not None
     own, other = (_median_error_n(each, fresh) for each in (made.readout.novelty_check, source.novelty_check))
