@@ -14,29 +14,20 @@ from tactile_nodes.errors import ConfigurationError
 TOPICS = ['/image_raw', '/left/image_raw', '/force', '/rosout', '/chatter']
 
 
-def taken(**choice) -> list[str]:
+@pytest.mark.parametrize(
+    ('choice', 'topics'),
+    [
+        ({}, ['/image_raw', '/left/image_raw']),
+        ({'names': frozenset({'/force'})}, ['/force']),
+        ({'names': frozenset({'/force'}), 'regex': '^/left'}, ['/left/image_raw', '/force']),
+        ({'everything': True, 'exclude': 'image|rosout'}, ['/force', '/chatter']),
+        ({'exclude': 'left'}, ['/image_raw']),
+    ],
+    ids=['the default', 'names alone', 'names and an expression', 'all but some', 'the default but some'],
+)
+def test_topics_are_recorded_as_they_were_chosen(choice: dict, topics: list[str]) -> None:
     chosen = TopicFilter(lambda topic: topic.endswith('image_raw'), **choice)
-    return [topic for topic in TOPICS if chosen.takes(topic)]
-
-
-def test_without_a_choice_it_is_the_default_ones() -> None:
-    assert taken() == ['/image_raw', '/left/image_raw']
-
-
-def test_names_replace_the_default() -> None:
-    assert taken(names=frozenset({'/force'})) == ['/force']
-
-
-def test_expression_is_searched_for_and_adds_to_the_names() -> None:
-    assert taken(names=frozenset({'/force'}), regex='^/left') == ['/left/image_raw', '/force']
-
-
-def test_all_but_the_excluded() -> None:
-    assert taken(everything=True, exclude='image|rosout') == ['/force', '/chatter']
-
-
-def test_excluding_needs_nothing_else() -> None:
-    assert taken(exclude='left') == ['/image_raw']
+    assert [topic for topic in TOPICS if chosen.takes(topic)] == topics
 
 
 def test_expression_that_is_none_is_refused() -> None:
