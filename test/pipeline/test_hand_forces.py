@@ -64,12 +64,6 @@ def test_variances_of_the_sensors_add_up_with_their_levers() -> None:
     assert covariance == pytest.approx(covariance.T)
 
 
-def test_unequal_presses_leave_their_difference_along_the_axis_of_the_grip() -> None:
-    # Into the left gel is its -z, which is the hand's +y.
-    (made,) = sums(HandForces(HAND), ('left', pressed(0, 2.0)), ('right', pressed(3, 1.5)))
-    assert made.wrench.force.y == pytest.approx(0.5)
-
-
 def test_the_contact_that_slips_first_is_the_first() -> None:
     # 0.4 of 0.8 N, and 0.6 of 0.8 N.
     (made,) = sums(HandForces(HAND), ('left', pressed(0, 1.0, 0.4)), ('right', pressed(3, 1.0, 0.6)))
