@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -105,23 +106,22 @@ def write_pictures(folder: Path, first: dict[str, int]) -> Path:
     return write_messages(folder, *received)
 
 
-def export_pictures(bag: Path) -> int:
-    return main(['export', 'lerobot', str(bag), '-o', str(bag.parent / 'set'), '--fps', '60', '--images'])
+AS_PICTURES = ['--fps', '60', '--images']
 
 
 def test_an_episode_begins_with_the_pictures_of_the_last_finger(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert export_pictures(write_pictures(tmp_path / 'both', {'left': 0, 'right': 3})) == 0
+    bag = write_pictures(tmp_path / 'both', {'left': 0, 'right': 3})
+    assert main(['export', 'lerobot', str(bag), '-o', str(tmp_path / 'set'), *AS_PICTURES]) == 0
     frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
     assert frames['stamp_ns'][0].as_py() == START_NS + 3 * STEP_NS
     assert 'the first 0.05 s of the forces, before the first message of /right/image_raw' in capsys.readouterr().out
 
 
 def test_pictures_that_begin_after_the_last_force_are_refused_before_any_frame(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = write_pictures(tmp_path / 'late', {'left': 0, 'right': 12})
     monkeypatch.setattr(lerobot, 'png', lambda _: pytest.fail('a frame was encoded'))
-    assert export_pictures(bag) == 1
-    assert '--exclude /right/image_raw' in capsys.readouterr().err
+    assert '--exclude /right/image_raw' in refused('lerobot', bag, *AS_PICTURES)

@@ -35,13 +35,6 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_messages(tmp_path_factory.mktemp('bags') / 'ring', *received)
 
 
-@pytest.fixture(scope='module')
-def parquet(bag: Path) -> Path:
-    output = bag.parent / 'tables'
-    assert main(['export', 'parquet', str(bag), '-o', str(output)]) == 0
-    return output
-
-
 def test_shear_stands_on_each_bin_and_is_nan_where_it_was_not_reported(parquet: Path) -> None:
     file = parquet / 'force_distribution.parquet'
     along_x = pq.read_table(file)['shear_force_x'].combine_chunks().flatten().to_numpy().reshape(-1, 81)

@@ -28,13 +28,6 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope='module')
-def parquet(bag: Path) -> Path:
-    output = bag.parent / 'tables'
-    assert main(['export', 'parquet', str(bag), '-o', str(output)]) == 0
-    return output
-
-
-@pytest.fixture(scope='module')
 def zarr_root(bag: Path):
     zarr = pytest.importorskip('zarr')
     output = bag.parent / 'grasp.zarr'
