@@ -16,9 +16,8 @@ GEL = Gel(size_mm=10.0, soft_mm=4.5, skin_mm=0.5, marker_count=400, mechanics='l
 @pytest.fixture(scope='module')
 def optics() -> dict[str, Optics]:
     """By the kind of sides."""
-    return {
-        sides: Optics(dataclasses.replace(GEL, sides=sides), solve(GEL)) for sides in ('ignored', 'free', 'held')
-    }  # fmt: skip
+    table = solve(GEL)
+    return {sides: Optics(dataclasses.replace(GEL, sides=sides), table) for sides in ('ignored', 'free', 'held')}
 
 
 def test_a_press_pushes_a_free_side_out_and_a_frame_holds_it(optics: dict[str, Optics]):
@@ -37,7 +36,8 @@ def test_what_sides_add_grows_with_the_force(optics: dict[str, Optics]):
         press = (Press(3.0, 0.0, depth_mm),)
         return optics['free'].displacement_mm(press) - optics['ignored'].displacement_mm(press)
 
-    forces = [solve(GEL).force_at(depth) for depth in (0.4, 0.8)]
+    table = solve(GEL)
+    forces = [table.force_at(depth) for depth in (0.4, 0.8)]
     assert added(0.8) == pytest.approx(forces[1] / forces[0] * added(0.4), abs=1e-5)
 
 

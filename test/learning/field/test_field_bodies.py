@@ -17,6 +17,8 @@ from tactile_nodes.learning.transfer.fit import Transfer
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
+PressesOf = tuple[Dataset, np.ndarray]
+"""Presses, and what they are: total and centre."""
 BODIES = {'square': (2.0, 9.5), 'ring': (2.0, 9.0)}
 """How hard each is pressed (N), and how far from the middle (mm)."""
 
@@ -27,8 +29,8 @@ def model() -> LoadedModel:
 
 
 @pytest.fixture(scope='module')
-def pressed(model: LoadedModel) -> dict[str, tuple[Dataset, np.ndarray]]:
-    """Fourteen presses of each body, and what they are: total and centre."""
+def pressed(model: LoadedModel) -> dict[str, PressesOf]:
+    """Fourteen of each body."""
     return {
         name: BodySensor(name, most_n, cells=48).presses(model, 14, reach_mm, seed)
         for seed, (name, (most_n, reach_mm)) in enumerate(BODIES.items(), 1)
@@ -36,13 +38,16 @@ def pressed(model: LoadedModel) -> dict[str, tuple[Dataset, np.ndarray]]:
 
 
 @pytest.fixture(scope='module')
-def made(model: LoadedModel, pressed: dict[str, tuple[Dataset, np.ndarray]]) -> Transfer:
+def made(model: LoadedModel, pressed: dict[str, PressesOf]) -> Transfer:
     """A calibration by the presses of the square."""
     return calibrated(model, pressed['square'][0], 'square')
 
 
 def calibrated(model: LoadedModel, dataset: Dataset, body: str, **more: bool) -> Transfer:
-    return transfer_alone(model, dataset, Pressed(body=KnownBody.named(body)), **more)
+    """Without a try whether the sides of the gel explain more."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)
+        return transfer_alone(model, dataset, Pressed(body=KnownBody.named(body)), **more)
 
 
 def off(readout: FieldReadout, dataset: Dataset, acting: np.ndarray) -> tuple[float, float]:
@@ -60,7 +65,7 @@ def off(readout: FieldReadout, dataset: Dataset, acting: np.ndarray) -> tuple[fl
 
 
 def test_presses_of_one_body_calibrate_what_is_reported_of_another(
-    model: LoadedModel, made: Transfer, pressed: dict[str, tuple[Dataset, np.ndarray]]
+    model: LoadedModel, made: Transfer, pressed: dict[str, PressesOf]
 ) -> None:
     """The issue's aim is 2 % and 0.08 mm with a hundred presses; without any these totals are a quarter low."""
     readout = made.readout
@@ -76,14 +81,14 @@ def test_presses_of_one_body_calibrate_what_is_reported_of_another(
 
 
 def test_a_square_that_is_taken_for_a_ball_leaves_more_unexplained_and_forces_right_all_the_same(
-    model: LoadedModel, made: Transfer, pressed: dict[str, tuple[Dataset, np.ndarray]]
+    model: LoadedModel, made: Transfer, pressed: dict[str, PressesOf]
 ) -> None:
     wrong = calibrated(model, pressed['square'][0], 'ball:0.6', forced=True)
     assert wrong.misfits[wrong.form] > 1.5 * made.misfits[made.form]
     assert off(wrong.readout, *pressed['ring'])[0] < 0.06  # type: ignore[arg-type]
 
 
-def test_intervals_of_another_body_hold(made: Transfer, pressed: dict[str, tuple[Dataset, np.ndarray]]) -> None:
+def test_intervals_of_another_body_hold(made: Transfer, pressed: dict[str, PressesOf]) -> None:
     """Of a normal error 1.645 standard deviations to either side hold nine of ten, and half of them are within 0.67."""
     readout, (dataset, acting) = made.readout, pressed['ring']
     totals, places = [], []
