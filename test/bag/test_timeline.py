@@ -21,15 +21,18 @@ from tactile_nodes.messages import encode, types
 NOW_NS = 5_000_000_000
 
 
-def test_twice_the_rate_halves_the_distances() -> None:
-    line = Timeline(rate=2.0)
+def started(rate: float = 1.0) -> Timeline:
+    line = Timeline(rate=rate)
     line.start(NOW_NS, START_NS)
-    assert line.due_ns(START_NS + 100) == NOW_NS + 50
+    return line
+
+
+def test_twice_the_rate_halves_the_distances() -> None:
+    assert started(rate=2.0).due_ns(START_NS + 100) == NOW_NS + 50
 
 
 def test_pause_moves_everything_that_follows_by_its_length() -> None:
-    line = Timeline()
-    line.start(NOW_NS, START_NS)
+    line = started()
     line.pause(NOW_NS + 30)
     assert line.due_ns(START_NS + 100) is None
     assert line.bag_ns(NOW_NS + 500) == START_NS + 30
@@ -38,8 +41,7 @@ def test_pause_moves_everything_that_follows_by_its_length() -> None:
 
 
 def test_pausing_twice_is_pausing_once() -> None:
-    line = Timeline()
-    line.start(NOW_NS, START_NS)
+    line = started()
     line.pause(NOW_NS + 30)
     line.pause(NOW_NS + 90)
     assert line.bag_ns(NOW_NS + 100) == START_NS + 30
@@ -47,8 +49,7 @@ def test_pausing_twice_is_pausing_once() -> None:
 
 @given(st.lists(st.tuples(st.integers(1, 10**9), st.floats(0.1, 10.0)), max_size=20))
 def test_changing_the_rate_never_makes_the_bag_jump(changes) -> None:
-    line, now_ns = Timeline(), NOW_NS
-    line.start(now_ns, START_NS)
+    line, now_ns = started(), NOW_NS
     for passed_ns, rate in changes:
         now_ns += passed_ns
         before_ns = line.bag_ns(now_ns)
@@ -121,19 +122,25 @@ def test_start_offset_skips_but_gives_the_last_latched_message(bag: Path, clock:
     assert [at_ns for at_ns, _, _ in found[1:]] == [number * STEP_NS for number in range(4)]
 
 
+def written_with_latched(folder: Path, topic: str, type_name: str = STRING) -> BagWriter:
+    """A bag of forces and a latched topic, to be written."""
+    writer = BagWriter(folder)
+    writer.add_topic(BagTopic.of_type('/force', FORCE))
+    writer.add_topic(BagTopic.of_type(topic, type_name, latched=True))
+    return writer
+
+
 def test_start_offset_gives_the_latched_transforms_of_all_publishers(tmp_path: Path, clock: JumpingClock) -> None:
     kind = 'tf2_msgs/msg/TFMessage'
     arm, camera = (
         encode(types.TFMessage(transforms=[types.TransformStamped(child_frame_id=frame)]))
         for frame in ('arm', 'camera')
     )
-    writer = BagWriter(tmp_path / 'bag')
-    writer.add_topic(BagTopic.of_type('/tf_static', kind, latched=True))
-    writer.add_topic(BagTopic.of_type('/text', STRING))
-    for number, (topic, data) in enumerate([('/tf_static', arm), ('/tf_static', camera), ('/text', text(0))]):
+    writer = written_with_latched(tmp_path / 'bag', '/tf_static', kind)
+    for number, (topic, data) in enumerate([('/tf_static', arm), ('/tf_static', camera), ('/force', force(0, 0))]):
         writer.write(topic, data, START_NS + number * STEP_NS, START_NS)
     writer.close()
-    assert [data for _, _, data in played(tmp_path / 'bag', clock, offset_s=0.02)] == [arm, camera, text(0)]
+    assert [data for _, _, data in played(tmp_path / 'bag', clock, offset_s=0.02)] == [arm, camera, force(0, 0)]
 
 
 def looped(bag: Path, clock: JumpingClock, topic: str, offset_s: float = 0.0) -> list[bytes]:
@@ -194,9 +201,7 @@ def test_paused_playback_plays_one_message_a_step(bag: Path) -> None:
 
 def latched_bag(folder: Path, received_ns: int, published_ns: int) -> Path:
     """Ten pictures 10 ms apart, each captured 3 ms before, and a latched text, received and published then."""
-    writer = BagWriter(folder)
-    writer.add_topic(BagTopic.of_type('/force', FORCE))
-    writer.add_topic(BagTopic.of_type('/rest', STRING, latched=True))
+    writer = written_with_latched(folder, '/rest')
     for number in range(10):
         at_ns = START_NS + number * STEP_NS
         writer.write('/force', force(number, at_ns - 3_000_000), at_ns, at_ns)
@@ -217,9 +222,7 @@ def test_what_a_latched_topic_said_meanwhile_is_played_when_it_was_reported(tmp_
 
 
 def test_what_several_publishers_of_a_latched_topic_said_is_all_played_first(tmp_path: Path, clock) -> None:
-    writer = BagWriter(tmp_path / 'bag')
-    writer.add_topic(BagTopic.of_type('/tf_static', STRING, latched=True))
-    writer.add_topic(BagTopic.of_type('/force', FORCE))
+    writer = written_with_latched(tmp_path / 'bag', '/tf_static')
     writer.write('/force', force(0, START_NS), START_NS, START_NS)
     for number in (1, 2):
         writer.write('/tf_static', text(number), START_NS + number, START_NS - 1000)

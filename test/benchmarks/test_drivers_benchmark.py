@@ -62,10 +62,20 @@ def test_durations_are_summed_up_to_one_percent_and_the_worst_exactly() -> None:
     assert Durations().summary_ms() == {}
 
 
-def test_lost_doubled_and_reordered_are_reported_by_the_numbers() -> None:
-    clock = SteppedClock(1)
-    meter = Meter(clock, 10.0)
-    meter.going_on()
+@pytest.fixture
+def clock() -> SteppedClock:
+    return SteppedClock(1)
+
+
+@pytest.fixture
+def meter(clock: SteppedClock) -> Meter:
+    """One that warms up for a moment, and then measures for 10 s."""
+    made = Meter(clock, 10.0)
+    made.going_on()
+    return made
+
+
+def test_lost_doubled_and_reordered_are_reported_by_the_numbers(clock: SteppedClock, meter: Meter) -> None:
     clock.advance(0.5)
     meter.going_on()
     Order(meter).follow([1, 2, 4, 4, 3, 5])
@@ -74,19 +84,14 @@ def test_lost_doubled_and_reordered_are_reported_by_the_numbers() -> None:
     assert (result['lost'], result['doubled'], result['reordered']) == (1, 1, 1)
 
 
-def test_nothing_counts_while_a_run_warms_up() -> None:
-    meter = Meter(SteppedClock(1), 10.0)
-    meter.going_on()
+def test_nothing_counts_while_a_run_warms_up(meter: Meter) -> None:
     meter.handed_over([5])
     meter.count('lost')
     assert not meter.measuring
     assert meter.latency.summary_ms() == {}
 
 
-def test_a_run_whose_warm_up_is_held_up_is_measured_for_as_long_as_any() -> None:
-    clock = SteppedClock(1)
-    meter = Meter(clock, 10.0)
-    meter.going_on()
+def test_a_run_whose_warm_up_is_held_up_is_measured_for_as_long_as_any(clock: SteppedClock, meter: Meter) -> None:
     clock.advance(20.0)
     assert meter.going_on()
     clock.advance(9.9)

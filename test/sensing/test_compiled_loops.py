@@ -168,11 +168,16 @@ def test_the_same_is_said_of_a_picture(speckle: np.ndarray, shape: tuple[int, in
     assert compiled_sharpness == pytest.approx(plain_sharpness, rel=1e-12)
 
 
-@needs_numba
-def test_the_same_pictures_are_still(speckle: np.ndarray):
-    checks = both(lambda compiled: StillnessCheck(StillnessOptions(full_every=1000), compiled=compiled))
+def stillness_beside(speckle: np.ndarray, **options: int) -> tuple[StillnessCheck, StillnessCheck]:
+    checks = both(lambda compiled: StillnessCheck(StillnessOptions(**options), compiled=compiled))
     for check in checks:
         check.set_reference(speckle)
+    return checks
+
+
+@needs_numba
+def test_the_same_pictures_are_still(speckle: np.ndarray):
+    checks = stillness_beside(speckle, full_every=1000)
     noise = np.random.default_rng(8).normal(size=speckle.shape)
     verdicts = set()
     for grey, shift in itertools.product((0.0, 1.0, 2.0), (0.0, 0.02, 0.3)):
@@ -185,9 +190,7 @@ def test_the_same_pictures_are_still(speckle: np.ndarray):
 
 @needs_numba
 def test_the_same_is_seen_at_rest_and_under_a_touch(speckle: np.ndarray):
-    checks = both(lambda compiled: StillnessCheck(compiled=compiled))
-    for check in checks:
-        check.set_reference(speckle)
+    checks = stillness_beside(speckle)
     noise = np.random.default_rng(9).normal(size=speckle.shape)
     for light, shift in itertools.product((1.0, 0.9), (0.0, 0.05, 1.0)):
         picture = np.clip(np.rint(light * moved(speckle, shift, 0.0) + noise), 0, 255).astype(np.uint8)

@@ -23,6 +23,18 @@ def pressed(known_gel: AxisymmetricReadout, count: int, seed: int) -> Presses:
     return Presses.of(dataset, np.arange(count), known_gel.scaling)
 
 
+@pytest.fixture
+def on_the_left(known_gel: AxisymmetricReadout) -> Presses:
+    """Presses on one side of the gel alone."""
+    known = pressed(known_gel, 60, seed=2)
+    return known.take(np.flatnonzero(known.contacts[:, 0] < -2.0))
+
+
+def shifted(known: Presses) -> Presses:
+    """Each is stated to be 0.2 mm further to the right than it was."""
+    return dataclasses.replace(known, contacts=known.contacts + np.array([0.2, 0.0, 0.0]))
+
+
 def test_one_press_alone_is_believed_by_what_it_shares_with_its_neighbourhood() -> None:
     table = interpolated(ONE, np.array([[0.02]]), np.array([8]), 14.0)
     believed = 1 / (1 + OWN + OF_A_PICTURE / 8)
@@ -41,10 +53,9 @@ def test_a_press_of_one_picture_is_believed_less_than_one_of_eight() -> None:
 
 def test_an_error_that_all_presses_share_is_taken_away_between_them(known_gel: AxisymmetricReadout) -> None:
     known = pressed(known_gel, 120, seed=2)
-    # Every press is stated to be 0.2 mm further to the right and 2 % harder than it was.
-    shifted = known.contacts * np.array([1.0, 1.0, 1.02]) + np.array([0.2, 0.0, 0.0])
+    harder = dataclasses.replace(known, contacts=known.contacts * np.array([1.0, 1.0, 1.02]))  # by 2 %
     pictures = np.full(120, 8)
-    local = with_local(known_gel, dataclasses.replace(known, contacts=shifted), pictures)
+    local = with_local(known_gel, shifted(harder), pictures)
     found = np.array([[0.5, -0.5, 0.4], [4.0, 3.0, 0.8]])
     moved = local.corrected(found) - with_local(known_gel, known, pictures).corrected(found)
     assert moved[:, 0] == pytest.approx([0.2, 0.2], abs=0.05)
@@ -52,11 +63,8 @@ def test_an_error_that_all_presses_share_is_taken_away_between_them(known_gel: A
     assert moved[:, 2] / found[:, 2] == pytest.approx([0.02, 0.02], abs=0.006)
 
 
-def test_far_from_all_presses_nothing_is_added(known_gel: AxisymmetricReadout) -> None:
-    known = pressed(known_gel, 60, seed=2)
-    near = known.take(np.flatnonzero(known.contacts[:, 0] < -2.0))
-    shifted = dataclasses.replace(near, contacts=near.contacts + np.array([0.2, 0.0, 0.0]))
-    local = with_local(known_gel, shifted, np.ones(len(near), int))
+def test_far_from_all_presses_nothing_is_added(known_gel: AxisymmetricReadout, on_the_left: Presses) -> None:
+    local = with_local(known_gel, shifted(on_the_left), np.ones(len(on_the_left), int))
     far = np.array([[9.5, 0.0, 0.4]])
     assert local.corrected(far) == pytest.approx(known_gel.corrected(far), abs=1e-3)
 
@@ -78,18 +86,14 @@ def test_presses_of_which_nothing_is_seen_leave_the_readout_as_it_is(known_gel: 
     assert with_local(known_gel, blind, np.ones(5, int)) is known_gel
 
 
-def test_a_table_that_a_readout_has_is_added_to(known_gel: AxisymmetricReadout) -> None:
+def test_a_table_that_a_readout_has_is_added_to(known_gel: AxisymmetricReadout, on_the_left: Presses) -> None:
     """What presses show is less by what the table takes away already, and far from them the table stays."""
-    known = pressed(known_gel, 60, seed=2)
-    near = known.take(np.flatnonzero(known.contacts[:, 0] < -2.0))
-    shifted = dataclasses.replace(near, contacts=near.contacts + np.array([0.2, 0.0, 0.0]))
     table = np.tile([0.2, 0.0, 0.0], (NODES, NODES, 1))
     begun = dataclasses.replace(known_gel, correction=dataclasses.replace(known_gel.correction, local=table))
     found = np.array([[-6.0, 0.0, 0.4], [9.5, 0.0, 0.4]])
-    pictures = np.full(len(near), 8)
-    moved = with_local(begun, shifted, pictures).corrected(found) - with_local(known_gel, near, pictures).corrected(
-        found
-    )
+    pictures = np.full(len(on_the_left), 8)
+    true = with_local(known_gel, on_the_left, pictures).corrected(found)
+    moved = with_local(begun, shifted(on_the_left), pictures).corrected(found) - true
     assert moved[:, 0] == pytest.approx([0.2, 0.2], abs=0.01)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ from tactile_nodes.model_file import load_model, save_model
 pytestmark = pytest.mark.usefixtures('own_cache')
 
 RULE = StopRule(least=20, most=100, worth=0.1, agree=2)
+Calibrated = tuple[Calibrator, list[str]]
+"""A calibrator that has fitted, and the lines that were shown."""
 ENTRIES = [{'id': '0123456789ab', 'gel': 'gel-7', 'attempts': 16, 'problems': [], 'clocks': []}]
 
 
@@ -44,6 +46,12 @@ def pressed(other_bag: Path) -> list[RecordedPress]:
         return list(bag.presses())
 
 
+def fit_to(calibrator: Calibrator, presses: Iterable[RecordedPress]) -> None:
+    for press in presses:
+        calibrator.take(press)
+    calibrator.fit(ENTRIES)
+
+
 @pytest.fixture
 def calibrator(first_model: Path, own_cache: Path) -> Iterator[Calibrator]:
     with closing(Calibrator(load_model(first_model), {'id': 'gel-7'})) as made:
@@ -51,7 +59,7 @@ def calibrator(first_model: Path, own_cache: Path) -> Iterator[Calibrator]:
 
 
 @pytest.fixture(scope='module')
-def calibrated(first_model: Path, other_bag: Path, own_cache: Path) -> Iterator[tuple[Calibrator, list[str]]]:
+def calibrated(first_model: Path, other_bag: Path, own_cache: Path) -> Iterator[Calibrated]:
     """Of ten presses with one fit in between and one at the end, and the lines that were shown."""
     rule = StopRule(most=10, first=6)
     lines: list[str] = []
@@ -91,24 +99,20 @@ def test_few_presses_never_end_it_and_many_always_do() -> None:
     assert 'the greatest number of 100 presses is reached' in RULE.reason(100, [])
 
 
-def test_a_press_is_read_before_a_fit_has_seen_it(calibrated: tuple[Calibrator, list[str]]) -> None:
+def test_a_press_is_read_before_a_fit_has_seen_it(calibrated: Calibrated) -> None:
     calibrator, _ = calibrated
     assert [read.number for read in calibrator.read] == list(range(1, 11))
     assert [read.after is None for read in calibrator.read] == [True] * 6 + [False] * 4
 
 
-def test_presses_that_no_fit_has_seen_are_read_better_with_the_calibration(
-    calibrated: tuple[Calibrator, list[str]],
-) -> None:
+def test_presses_that_no_fit_has_seen_are_read_better_with_the_calibration(calibrated: Calibrated) -> None:
     fresh = [read for read in calibrated[0].read if read.after is not None]
     before = np.median([abs(read.before.off_n) for read in fresh])
     after = np.median([abs(read.after.off_n) for read in fresh if read.after])
     assert after < before / 2
 
 
-def test_held_out_errors_are_reported_with_what_more_presses_would_give(
-    calibrated: tuple[Calibrator, list[str]],
-) -> None:
+def test_held_out_errors_are_reported_with_what_more_presses_would_give(calibrated: Calibrated) -> None:
     calibrator, lines = calibrated
     assert [fit.presses for fit in calibrator.fits] == [6, 10]
     lines_of_errors = [line for line in lines if 'off on held-out presses' in line]
@@ -116,7 +120,7 @@ def test_held_out_errors_are_reported_with_what_more_presses_would_give(
     assert any('no more presses: the greatest number of 10 presses is reached' in line for line in lines)
 
 
-def test_a_calibration_takes_every_picture_of_a_window(calibrated: tuple[Calibrator, list[str]]) -> None:
+def test_a_calibration_takes_every_picture_of_a_window(calibrated: Calibrated) -> None:
     calibrator, _ = calibrated
     assert calibrator.recordings is not None and calibrator.calibration is not None
     assert calibrator.recordings.contact.sum() == 3 * 10
@@ -124,7 +128,7 @@ def test_a_calibration_takes_every_picture_of_a_window(calibrated: tuple[Calibra
 
 
 def test_the_file_names_gel_source_presses_and_errors(
-    calibrated: tuple[Calibrator, list[str]], first_model: Path, other_bag: Path, tmp_path: Path
+    calibrated: Calibrated, first_model: Path, other_bag: Path, tmp_path: Path
 ) -> None:
     source, file = Source.find(str(first_model)), tmp_path / 'gel-7_01.safetensors'
     in_use = {'model': 'older.safetensors', 'model_id': 'aaaabbbbcccc', 'gel': 'gel-7'}
@@ -150,9 +154,7 @@ def test_every_calibration_gets_a_file_of_its_own(tmp_path: Path) -> None:
 def test_too_few_presses_are_an_objection_and_no_error_until_the_end(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
-    for press in pressed[:4]:
-        calibrator.take(press)
-    calibrator.fit(ENTRIES)
+    fit_to(calibrator, pressed[:4])
     assert calibrator.calibration is None
     assert 'needs presses at least at 5 places, but there are 4' in calibrator.objection
 
@@ -161,16 +163,12 @@ def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
     """The rig finds presses 5 and 6 doubtful after the fit, and two more come, at places of others."""
-    for press in pressed[:6]:
-        calibrator.take(press)
-    calibrator.fit(ENTRIES)
+    fit_to(calibrator, pressed[:6])
     first = calibrator.calibration
     calibrator.fit(ENTRIES)
     assert first is calibrator.calibration is not None
-    for number in (4, 5):
-        calibrator.take(changed_press(pressed[number], status=types.Press.STATUS_SUSPECT))
-        calibrator.take(changed_press(pressed[number - 4], press=number + 3))
-    calibrator.fit(ENTRIES)
+    suspects = [changed_press(press, status=types.Press.STATUS_SUSPECT) for press in pressed[4:6]]
+    fit_to(calibrator, [*suspects, changed_press(pressed[0], press=7), changed_press(pressed[1], press=8)])
     assert calibrator.presses == 6
     assert 'at least at 5 places, but there are 4' in calibrator.objection
 
@@ -178,20 +176,18 @@ def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
 def test_presses_in_one_corner_are_an_objection_that_says_so(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
-    for press in pressed[:8]:
-        at = press.message.position
-        calibrator.take(changed_press(press, position=types.Point(x=0.1 * at.x, y=0.1 * at.y)))
-    calibrator.fit(ENTRIES)
+    places = [press.message.position for press in pressed[:8]]
+    corner = [types.Point(x=0.1 * at.x, y=0.1 * at.y) for at in places]
+    fit_to(calibrator, [changed_press(press, position=at) for press, at in zip(pressed, corner, strict=False)])
     assert 'press all over the surface' in calibrator.objection
 
 
 def test_a_sensor_that_was_never_tared_is_an_objection_that_says_so(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
-    for press in pressed[:10]:
-        force = types.Vector3(z=press.message.wrench.force.z - 0.5)
-        calibrator.take(changed_press(press, wrench=types.Wrench(force=force)))
-    calibrator.fit(ENTRIES)
+    forces = [types.Vector3(z=press.message.wrench.force.z - 0.5) for press in pressed[:10]]
+    untared = [types.Wrench(force=each) for each in forces]
+    fit_to(calibrator, [changed_press(press, wrench=each) for press, each in zip(pressed, untared, strict=False)])
     assert calibrator.calibration is None
     assert 'tare the force sensor' in calibrator.objection
 

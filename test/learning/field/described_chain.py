@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pytest
 from coarse_table import linear_table
 
 from tactile_nodes.learning.field.calibration import described_model
@@ -72,3 +73,11 @@ class DescribedChain:
     def read(self, *presses: Press) -> ForceMap:
         """What is reported of the next frame."""
         return self._force.predict(self._encoding.encode(self._flow.displacement(self.picture(*presses))))
+
+    def require_read(self, places_mm: list[tuple[float, float]], depth_mm: float, share: float, off_mm: float) -> None:
+        """Presses so deep are read within a share of their force and so near to where they are; at rest nothing is."""
+        for x_mm, y_mm in places_mm:
+            read = self.read(Press(x_mm, y_mm, depth_mm))
+            assert read.total_n == pytest.approx(self.table.force_at(depth_mm), rel=share)
+            assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < off_mm
+        assert self.read().total_n < 0.005

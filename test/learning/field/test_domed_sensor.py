@@ -19,7 +19,7 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import BinSettings, GelDescription, ImageSettings
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.optics import Optics, Press
+from tactile_nodes.simulation.optics import Optics
 
 DOMED = sensor_of(
     'domed', ImageSettings(640, 480, 480, 480),
@@ -34,12 +34,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
 
 
 def test_presses_on_a_dome_are_reported_where_they_are_and_how_hard(made: LoadedModel) -> None:
-    chain = DescribedChain(DOMED, made)
-    for x_mm, y_mm in ((0.0, 0.0), (4.0, -3.0), (-5.5, 5.0)):
-        read = chain.read(Press(x_mm, y_mm, 0.8))
-        assert read.total_n == pytest.approx(chain.table.force_at(0.8), rel=0.25)
-        assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < 0.6
-    assert chain.read().total_n < 0.005
+    places_mm = [(0.0, 0.0), (4.0, -3.0), (-5.5, 5.0)]
+    DescribedChain(DOMED, made).require_read(places_mm, depth_mm=0.8, share=0.25, off_mm=0.6)
 
 
 def test_markers_lie_lower_towards_the_rim_and_the_camera_sees_them_where_regions_expect_them() -> None:

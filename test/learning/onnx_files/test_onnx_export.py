@@ -114,10 +114,17 @@ def test_a_card_with_odd_numbers_is_refused_in_a_sentence(
         load_model(tmp_path / 'odd.safetensors')
 
 
-def test_a_force_field_is_refused_with_what_to_use_instead(tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match=r'solved frame by frame.*run it with tactile_nodes .*export fast'):
-        export_onnx(load_model(find_model('field')), tmp_path / 'field.onnx')
-    assert not (tmp_path / 'field.onnx').exists()
+@pytest.mark.parametrize(
+    ('model', 'said'),
+    [
+        ('field', r'solved frame by frame.*run it with tactile_nodes .*export fast'),
+        ('portable', 'export a network or a measured response, such as fast'),
+    ],
+)
+def test_a_model_that_is_no_graph_is_refused_with_what_to_use_instead(model: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=said):
+        export_onnx(load_model(find_model(model)), tmp_path / 'refused.onnx')
+    assert not (tmp_path / 'refused.onnx').exists()
 
 
 def test_numbers_that_overflow_are_refused_in_a_sentence(tmp_path: Path) -> None:
@@ -382,8 +389,3 @@ def test_without_onnx_it_says_what_to_install(
         monkeypatch.delitem(sys.modules, name)
     assert export(tmp_path, network()) == 1
     assert "pip install 'tactile_nodes[onnx]'" in capsys.readouterr().err
-
-
-def test_an_axisymmetric_model_is_refused_with_what_to_export_instead() -> None:
-    with pytest.raises(ModelError, match='export a network or a measured response, such as fast'):
-        onnx_bytes(load_model(find_model('portable')))

@@ -162,11 +162,7 @@ def test_the_card_tells_offset_drift_and_residuals(foreign: RecordedPresses) -> 
 def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
     tmp_path: Path, sensor: Sensor, plain: RecordedPresses
 ) -> None:
-    sensor.begin_anew()
-    made = SeveralClocks(tmp_path / 'few', sensor)
-    made.edges('rig', seen_by(None, line(2)))
-    made.edges('camera', seen_by(None, line(2))[:5])
-    made.reference(0)
+    made = begun(tmp_path / 'few', sensor, presses=2, camera=seen_by(None, line(2))[:5])
     for slot in range(2):
         made.press(slot, slot + 1, 0.0, 0.0, 1.0)
     told = Told()
@@ -179,13 +175,21 @@ def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
     assert found.stamp_ns[0] == START_NS + 3 * SECOND_NS
 
 
-def stamped_late(folder: Path, sensor: Sensor, late_ns: int) -> Path:
-    """One press, of which the rig chose the images by the stamps of a clock that is late."""
+def begun(folder: Path, sensor: Sensor, presses: int = 12, **edges: Sequence[tuple[int, bool]]) -> SeveralClocks:
+    """A collection with a rest image, after edges that the rig and others saw."""
     sensor.begin_anew()
     made = SeveralClocks(folder, sensor)
-    made.edges('rig', seen_by(None, line()))
-    made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + late_ns, 0.0, 64), line()))
+    made.edges('rig', seen_by(None, line(presses)))
+    for recorder, seen in edges.items():
+        made.edges(recorder, seen)
     made.reference(0)
+    return made
+
+
+def stamped_late(folder: Path, sensor: Sensor, late_ns: int) -> Path:
+    """One press, of which the rig chose the images by the stamps of a clock that is late."""
+    late = DeviceClock(1e9, START_NS, START_NS + late_ns, 0.0, 64)
+    made = begun(folder, sensor, camera=seen_by(late, line()))
     made.press(0, 1, 0.0, 0.0, 1.0)
     return made.close()
 
@@ -204,13 +208,8 @@ def test_images_at_the_border_of_a_window_go_and_the_others_stay(tmp_path: Path,
 
 def force_bag(folder: Path, sensor: Sensor, sensor_sees: bool) -> Path:
     """A force that rises by 1 N/s, stamped by a clock that is 0.3 s behind; the rig took samples by their stamps."""
-    sensor.begin_anew()
-    made = SeveralClocks(folder, sensor)
-    made.edges('rig', seen_by(None, line()))
     behind = DeviceClock(1e9, START_NS, START_NS - 300_000_000, 0.0, 64)
-    if sensor_sees:
-        made.edges('force_torque_sensor', seen_by(behind, line()))
-    made.reference(0)
+    made = begun(folder, sensor, **({'force_torque_sensor': seen_by(behind, line())} if sensor_sees else {}))
     begin_ns, end_ns = made.window_ns(0)
     times = range(begin_ns - SECOND_NS, end_ns + SECOND_NS, 5_000_000)
     force = {time_ns: 0.5 + (time_ns - begin_ns) / SECOND_NS for time_ns in times}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from light_runs import light_edges
+from light_runs import LightEdges, light_edges
 
 MS = 1_000_000
 
@@ -20,10 +20,15 @@ def brightness(start_ns: np.ndarray, on_ns: int, off_ns: int, exposure_ms: float
     return 20 + 200 * lit / (exposure_ms * MS)
 
 
+def edges_seen(on_ms: float, off_ms: float = 500.0, exposure_s: float = 0.010) -> LightEdges:
+    """What twelve frames, each exposed for 10 ms, show of a light; `exposure_s` is what is known of them."""
+    start = frames()
+    return light_edges(start, brightness(start, round(on_ms * MS), round(off_ms * MS), 10.0), exposure_s)
+
+
 def test_a_partly_lit_frame_tells_when_the_light_went_on_and_off() -> None:
     """Exposed for 10 of every 16 ms; on at 39 ms, 7 ms into the frame of 32; off at 101 ms, 5 ms into that of 96."""
-    start = frames()
-    edges = light_edges(start, brightness(start, 39 * MS, 101 * MS, 10.0), 0.010)
+    edges = edges_seen(39, 101)
     assert edges.stamp_ns.tolist() == [39 * MS, 101 * MS]
     assert edges.level.tolist() == [True, False]
     assert edges.uncertainty_s == pytest.approx([0.0015, 0.0015])
@@ -31,23 +36,20 @@ def test_a_partly_lit_frame_tells_when_the_light_went_on_and_off() -> None:
 
 def test_an_edge_between_two_exposures_is_put_into_the_middle_of_the_gap() -> None:
     """The exposure of the frame at 32 ms ends at 42; the next begins at 48. The ends of the curve add 1.5 ms each."""
-    start = frames()
-    edges = light_edges(start, brightness(start, 44 * MS, 500 * MS, 10.0), 0.010)
+    edges = edges_seen(44)
     assert edges.stamp_ns.tolist() == [45 * MS]
     assert edges.uncertainty_s == pytest.approx([0.0045])
 
 
 @pytest.mark.parametrize('on_ms', np.arange(33.0, 49.0, 1.5))
 def test_the_true_time_lies_within_the_stated_uncertainty(on_ms: float) -> None:
-    start = frames()
-    edges = light_edges(start, brightness(start, round(on_ms * MS), 500 * MS, 10.0), 0.010)
+    edges = edges_seen(on_ms)
     assert len(edges.stamp_ns) == 1
     assert abs(edges.stamp_ns[0] / MS - on_ms) <= 1e3 * edges.uncertainty_s[0] + 1e-6
 
 
 def test_without_a_known_exposure_the_edge_lies_between_the_frames() -> None:
-    start = frames()
-    edges = light_edges(start, brightness(start, 39 * MS, 500 * MS, 10.0), 0.0)
+    edges = edges_seen(39, exposure_s=0.0)
     assert edges.stamp_ns.tolist() == [32 * MS]  # between the dark frame of 16 ms and the bright one of 48 ms
     assert edges.uncertainty_s == pytest.approx([0.016])
 
