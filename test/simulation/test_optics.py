@@ -19,18 +19,21 @@ def centroid(image: np.ndarray) -> np.ndarray:
     return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
 
 
+def lone(table: ContactTable, **properties: object) -> Optics:
+    """One marker on black, evenly lit."""
+    return Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0, **properties), table)
+
+
 def test_a_dots_centroid_moves_exactly_as_its_marker_does(table: ContactTable):
     """One marker, moved in steps of a tenth of a pixel across a whole pixel, each way."""
-    gel = Gel(marker_count=1, background_grey=0.0, vignetting=0.0)
-    optics = Optics(gel, table)
-    start = np.array([[300.0, 200.0]], np.float32)
+    optics, start = lone(table), np.array([[300.0, 200.0]], np.float32)
     for step in np.arange(0.0, 1.0, 0.1):
         place = start + np.array([step, -step], np.float32)
         np.testing.assert_allclose(centroid(optics._draw(place)), place[0], atol=2e-3)
 
 
 def test_a_dot_keeps_its_light_wherever_it_lies_on_the_pixels(table: ContactTable):
-    optics = Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0), table)
+    optics = lone(table)
     light = [optics._draw(np.array([[300 + s, 200 - s]], np.float32)).sum() for s in (0.0, 0.25, 0.5, 0.75)]
     np.testing.assert_allclose(light, light[0], rtol=1e-5)
 
@@ -43,7 +46,7 @@ def test_markers_far_outside_the_image_are_not_drawn(table: ContactTable):
 
 @pytest.mark.parametrize(('x', 'y', 'seen'), [(-0.5, 240.5, 1 / 2), (639.5, 240.5, 1 / 2), (639.5, 479.5, 1 / 4)])
 def test_a_marker_at_the_border_of_the_image_is_cut_by_it(table: ContactTable, x: float, y: float, seen: float):
-    optics = Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0), table)
+    optics = lone(table)
     whole, cut = (optics._draw(np.array([each], np.float32)).sum() for each in ([300.5, 240.5], [x, y]))
     assert cut == pytest.approx(seen * whole, rel=1e-3)
 
@@ -115,11 +118,6 @@ def test_noise_differs_from_frame_to_frame(scene: Scene):
 
 def test_splitmix_is_splitmix():
     assert mix(0) == 0xE220A8397B1DCDAF  # first output of the published generator for seed 0
-
-
-def lone(table: ContactTable, **properties: object) -> Optics:
-    """One marker on black, evenly lit."""
-    return Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0, **properties), table)
 
 
 def test_a_smear_has_its_middle_where_the_marker_was_on_average(table: ContactTable):

@@ -172,22 +172,20 @@ def test_too_few_untouched_frames_or_presses_are_refused(still: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ('column', 'value', 'said'),
-    [(0, 0.0, 'at different places along x and along y'), (3, -0.001, 'presses with a force')],
-    ids=['at one place', 'without a force'],
+    ('part', 'column', 'value', 'said'),
+    [
+        ('presses', 0, 0.0, 'at different places along x and along y'),
+        ('presses', 3, -0.001, 'presses with a force'),
+        ('confidence', slice(None), 0.0, 'regions with markers'),
+    ],
+    ids=['at one place', 'without a force', 'without markers'],
 )
-def test_presses_that_tell_nothing_are_refused(column: int, value: float, said: str) -> None:
+def test_presses_that_tell_nothing_are_refused(part: str, column: int | slice, value: float, said: str) -> None:
     dataset = presses(300, seed=1, still=0.4)
-    changed = dataset.presses.copy()
+    changed = getattr(dataset, part).copy()
     changed[:, column] = value
     with pytest.raises(DatasetError, match=said):
-        learned(dataclasses.replace(dataset, presses=changed))
-
-
-def test_a_data_set_without_markers_is_refused() -> None:
-    dataset = presses(300, seed=1, still=0.4)
-    with pytest.raises(DatasetError, match='regions with markers'):
-        learned(dataclasses.replace(dataset, confidence=np.zeros((1, 6, 6), np.float32)))
+        learned(dataclasses.replace(dataset, **{part: changed}))
 
 
 @pytest.mark.parametrize('smoothing', [(), (1.0, -1.0)])
