@@ -35,7 +35,7 @@ def test_few_presses_tell_where_the_camera_is(
 ) -> None:
     for name, value in {'PRESSES': 6, 'FEW': (6,), 'JUDGED': 8, '_taught': one_taught}.items():
         monkeypatch.setattr(fleet, name, value)
-    monkeypatch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)  # it is not for the sides of gels
+    monkeypatch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)  # without a try of free and held sides
     coarse = dataclasses.replace(sensors.load_sensor('simulated'), bins=sensors.BinSettings(4, 4))
     monkeypatch.setattr(sensors, 'load_sensor', {'simulated': coarse}.get)
     words = ['--gels', '2', '--unseen', '1', '--processes', '1', '-o', str(tmp_path)]

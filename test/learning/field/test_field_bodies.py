@@ -44,7 +44,7 @@ def made(model: LoadedModel, pressed: dict[str, PressesOf]) -> Transfer:
 
 
 def calibrated(model: LoadedModel, dataset: Dataset, body: str, **more: bool) -> Transfer:
-    """Without a try whether the sides of the gel explain more."""
+    """Without a try of free and held sides."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)
         return transfer_alone(model, dataset, Pressed(body=KnownBody.named(body)), **more)

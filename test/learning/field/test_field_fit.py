@@ -207,7 +207,7 @@ def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms
 def test_forces_that_begin_elsewhere_are_refused(
     terms: Terms, as_described: FieldReadout, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)  # it is not for the sides of the gel
+    monkeypatch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)  # without a try of free and held sides
     layout, dataset = FeatureLayout('cartesian_mean', SIDE, SIDE, 2), pressed(terms, nominal(), 20)
     model = ForceModel(layout, as_described.bins, as_described)
     loaded = dataclasses.replace(load_model(find_model('field')), model=model)

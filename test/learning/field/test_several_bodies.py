@@ -52,7 +52,7 @@ def both() -> Dataset:
 
 
 def fitted(both: Dataset, bodies: Bodies) -> FieldFit:
-    """Without a try whether the sides of the gel explain more."""
+    """Without a try of free and held sides."""
     rows = np.arange(2 * EACH)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)
