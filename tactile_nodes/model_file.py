@@ -19,9 +19,9 @@ import numpy as np
 import safetensors.numpy
 from safetensors import SafetensorError
 
-from tactile_nodes.errors import ModelError, in_a_line
+from tactile_nodes.errors import ConfigurationError, ModelError, in_a_line
 from tactile_nodes.files import TEXT_BYTES, read_plain
-from tactile_nodes.paths import is_file, share_directory, write_whole
+from tactile_nodes.paths import check_output, is_file, share_directory, write_whole
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
@@ -115,6 +115,17 @@ def find_model(name: str) -> Path:
     raise ModelError(
         f'there is no model {name!r}; give the path of a model file, or the name of a shipped model: {names}'
     )
+
+
+def check_model_output(file: Path, *read: Path | None) -> None:
+    """As `paths.check_output`, for a model file.
+
+    Raises:
+        ConfigurationError: also for a name that says another format.
+    """
+    if file.suffix == '.onnx':
+        raise ConfigurationError(f'cannot write {file}: write FILE.safetensors, and then: tactile model export FILE')
+    check_output(file, *read)
 
 
 def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_image: np.ndarray | None = None) -> str:

@@ -66,8 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.calibrating.listing import listed
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.model_file import find_model
-    from tactile_nodes.paths import check_output
+    from tactile_nodes.model_file import check_model_output, find_model
 
     given = sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures)))
     if not given and arguments.sensor:
@@ -80,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     _require_used(arguments)
     model = find_model(arguments.model)
     named = map(Path, filter(None, (arguments.sensor, arguments.body, arguments.gel)))
-    check_output(
+    check_model_output(
         arguments.output, *arguments.bags, arguments.dataset, arguments.pictures, arguments.layer, model, *named
     )
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
@@ -138,12 +137,11 @@ def _of_description(arguments: argparse.Namespace) -> int:
     """A model made from the sensor description alone, without presses."""
     from tactile_nodes.learning.field.calibration import described_model
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.model_file import find_model, load_model
-    from tactile_nodes.paths import check_output
+    from tactile_nodes.model_file import check_model_output, find_model, load_model
     from tactile_nodes.sensors import load_sensor
 
     source = find_model(arguments.model)
-    check_output(arguments.output, source, Path(arguments.sensor))
+    check_model_output(arguments.output, source, Path(arguments.sensor))
     sensor = load_sensor(arguments.sensor)
     model_id = described_model(load_model(source), sensor, arguments.gel, arguments.output, TerminalProgress())
     print(f'{arguments.output}: model {model_id}, from the description {arguments.sensor} without presses')

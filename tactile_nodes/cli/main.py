@@ -13,6 +13,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from tactile_nodes import __version__
@@ -62,6 +63,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run ``tactile`` with these arguments; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     os.environ.setdefault('TACTILE_BUS', 'zeromq')  # nodes started by this command join the bus that it reads
+    for name, mode in (('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w')):
+        if getattr(sys, name) is None:  # the caller has closed it, as with >&-
+            setattr(sys, name, Path(os.devnull).open(mode, encoding='utf-8'))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in {'strict', 'surrogateescape'}:
         sys.stdout.reconfigure(errors='backslashreplace')  # as stderr has it: a terminal may lack a letter of a node
     try:

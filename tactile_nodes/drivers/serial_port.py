@@ -6,7 +6,7 @@ for that line:
 =============  =====================================================================================
 ``default``    raised on opening, as usual: Arduino-like boards restart
 ``pulse``      lowered for 0.1 s after opening, then raised: these boards certainly restart
-``low``        lowered right after opening and kept low: for boards that are in reset while it is high
+``low``        lowered right after opening and kept low, with RTS: for boards in reset while it is high
 ``untouched``  not changed, not even on closing: the controller keeps its position if the system allows it
 =============  =====================================================================================
 """
@@ -115,7 +115,7 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
     port = serial.Serial(baudrate=baud, timeout=0.0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
     port.port = path
     port.dsrdtr = dtr == 'untouched'  # then pyserial does not change the line
-    port.dtr = dtr != 'low'
+    port.dtr = port.rts = dtr != 'low'  # an ESP32 board is in reset while RTS alone is high
     try:
         port.open()
     except (serial.SerialException, OSError) as error:

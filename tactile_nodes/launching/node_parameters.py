@@ -17,7 +17,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import read_text
 from tactile_nodes.launching import values
 from tactile_nodes.launching.document import Entity, Item, type_name
-from tactile_nodes.launching.template import Place, SubstitutionError, Template, parse_template
+from tactile_nodes.launching.template import Call, Place, SubstitutionError, Template, parse_template
 
 if TYPE_CHECKING:
     from tactile_nodes.launching.context import Context
@@ -43,7 +43,9 @@ class ParameterFile:
     def file(self, run: Interpreter, _node: str | None, /) -> Path:
         path = Path(self.path.evaluate(run.context))
         if not path.is_file():
-            raise self.place.error(f'the parameter file {path} does not exist')
+            named = [part.arguments[0] for part in self.path.parts if isinstance(part, Call) and part.name == 'var']
+            remedy = f'; give another one with {named[0]}:=FILE' if named else ''
+            raise self.place.error(f'the parameter file {path} does not exist{remedy}')
         if self.substitute:
             path = run.write_parameters(self._substituted(path, run.context))
         _check(path)

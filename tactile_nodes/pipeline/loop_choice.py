@@ -39,7 +39,7 @@ def choose(setting: bool | None, say: Callable[[str], None], warn: Callable[[str
         load_compiled('every', _refuse)
     except _NotCompiledError:
         say(NEXT_TIME)
-        _compile_in_background()
+        _compile_in_background(warn)
         return False
     except ConfigurationError as error:
         warn(f'computing with NumPy, which takes several times as long for a frame: {error}')
@@ -51,8 +51,8 @@ def _refuse(_: str) -> None:
     raise _NotCompiledError(NEXT_TIME)
 
 
-def _compile_in_background() -> None:
-    """Compile in a separate process, which outlives the launch. A thread waits for it, so that no zombie stays."""
+def _compile_in_background(warn: Callable[[str], None]) -> None:
+    """Compile in a separate process, which outlives the launch. A thread waits for it, and warns if it failed."""
     command = [sys.executable, '-m', 'tactile_nodes', 'compile', '--background']
     environment = {name: value for name, value in os.environ.items() if name != 'TACTILE_LAUNCH'}
     process = subprocess.Popen(
@@ -61,7 +61,14 @@ def _compile_in_background() -> None:
         cwd='/',
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
         start_new_session=True,
     )
-    threading.Thread(target=process.wait, daemon=True).start()
+
+    def wait() -> None:
+        said = process.communicate()[1].splitlines()
+        if process.returncode:
+            warn(f'the inner loops were not compiled ({said[-1] if said else "it was killed"}); try: tactile compile')
+
+    threading.Thread(target=wait, daemon=True).start()

@@ -20,6 +20,7 @@ ARROW, LINE_STRIP, DELETE_ALL = 0, 4, 3
 METRES_PER_NEWTON = 0.02
 SHAFT_M, HEAD_M, LINE_M = 0.001, 0.002, 0.0004
 OUTLINE_POINTS = 48
+MARKER_LIFETIME = types.Duration(sec=1)  # so that no contact stays on the screen when the node has died
 OK_COLOUR = types.ColorRGBA(r=0.1, g=0.8, b=0.2, a=1.0)
 DEGRADED_COLOUR = types.ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)
 
@@ -173,5 +174,6 @@ def _marker(force: types.ForceDistribution, group: str, number: int, **fields: A
         ns=group,
         id=number,
         color=DEGRADED_COLOUR if degraded else OK_COLOUR,
+        lifetime=MARKER_LIFETIME,
         **fields,
     )

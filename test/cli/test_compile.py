@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import queue
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from running_system import wait_until
 
 from tactile_nodes.cli.compile import compile_all
-from tactile_nodes.pipeline.loop_choice import NEXT_TIME, choose
+from tactile_nodes.pipeline.loop_choice import NEXT_TIME, _compile_in_background, choose
 from tactile_nodes.sensing.compiling import load_compiled
 
 pytestmark = pytest.mark.timeout(400)
@@ -57,6 +58,15 @@ def test_else_the_first_start_takes_numpy_and_compiles_at_low_priority(
             compiling = process.children(recursive=True)  # half a minute more, if it outlived its parent
             for each in (process, *compiling):
                 each.kill()
+
+
+def test_what_the_background_cannot_compile_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else each start would promise the next one compiled loops."""
+    (tmp_path / 'file').touch()
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'file'))
+    warned: queue.SimpleQueue[str] = queue.SimpleQueue()
+    _compile_in_background(warned.put)
+    assert warned.get(timeout=60).startswith('the inner loops were not compiled (cannot create the cache folder ')
 
 
 def begun_here(cache: Path) -> list[psutil.Process]:

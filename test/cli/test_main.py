@@ -130,13 +130,22 @@ def test_ctrl_c_is_quiet_and_status_130(capsys: pytest.CaptureFixture[str], monk
     assert capsys.readouterr() == ('', '')
 
 
-def test_a_reader_that_leaves_ends_the_command_quietly() -> None:
-    code = 'import sys; from tactile_nodes.cli.main import main; sys.exit(main(["completion", "bash"]))'
+@pytest.mark.parametrize('verb', ['completion bash', 'doctor'])
+def test_a_reader_that_leaves_ends_the_command_quietly(verb: str) -> None:
     reading, writing = os.pipe()
     os.close(reading)
-    found = subprocess.run([sys.executable, '-c', code], stdout=writing, stderr=subprocess.PIPE, cwd=ROOT, check=False)
+    words = [sys.executable, '-m', 'tactile_nodes', *verb.split()]
+    found = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, cwd=ROOT, check=False)
     os.close(writing)
     assert (found.returncode, found.stderr) == (141, b'')
+
+
+def test_a_caller_may_close_standard_input_and_output(tmp_path: Path) -> None:
+    (tmp_path / 'a.launch.yaml').write_text('launch:\n- log: {message: hello}\n', encoding='utf-8')
+    words = ['sh', '-c', 'exec "$0" -m tactile_nodes launch "$1" <&- >&-', sys.executable, tmp_path / 'a.launch.yaml']
+    environment = {**os.environ, 'ROS_LOG_DIR': str(tmp_path)}
+    found = subprocess.run(words, stderr=subprocess.PIPE, cwd=ROOT, env=environment, check=False)
+    assert (found.returncode, found.stderr) == (0, b'')
 
 
 def test_flags_may_stand_between_the_other_words() -> None:
@@ -157,6 +166,8 @@ def test_flags_may_stand_between_the_other_words() -> None:
         ('calibrate', 'bag', '--model', 'portable', '-o', 'folder'),
         ('dataset', 'build', 'bag', '-o', 'folder'),
         ('train', 'quick', '-o', 'folder'),
+        ('train', 'quick', '-o', 'made.onnx'),
+        ('calibrate', '--sensor', 'mine.yaml', '--model', 'field', '-o', 'made.onnx'),
         ('evaluate', 'fast', '--json', 'folder'),
         ('export', 'parquet', 'loop'),
         ('export', 'parquet', 'bag', '-o', 'x' * 300),

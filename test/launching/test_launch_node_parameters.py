@@ -169,7 +169,12 @@ def test_files_and_values_are_passed_in_the_written_order(files, tmp_path):
 
 
 def test_a_missing_parameter_file_is_an_error(files):
-    assert 'the parameter file /none.yaml does not exist' in refusal(files, '[{from: /none.yaml}]')
+    assert refusal(files, '[{from: /none.yaml}]').endswith('the parameter file /none.yaml does not exist')
+
+
+def test_a_missing_parameter_file_that_an_argument_names_is_asked_for(files):
+    said = refusal(files, '[{from: $(var devices)}]', devices='/rigs/real.yaml')
+    assert said.endswith('the parameter file /rigs/real.yaml does not exist; give another one with devices:=FILE')
 
 
 def test_a_parameter_file_that_rcl_would_refuse_is_an_error_with_its_line(files, tmp_path):

@@ -115,6 +115,12 @@ def test_arrows_of_a_degraded_force_have_another_colour() -> None:
     assert (fine.r, fine.g, fine.b) != (degraded.r, degraded.g, degraded.b)
 
 
+def test_an_arrow_vanishes_a_second_after_its_force() -> None:
+    """When the node has died, nothing deletes it."""
+    _, arrow = force_shapes.contact_markers(force()).markers
+    assert (arrow.lifetime.sec, arrow.lifetime.nanosec) == (1, 0)
+
+
 def test_without_touch_there_is_no_contact_and_no_arrow() -> None:
     assert force_shapes.contact_point(force(touched=False)) is None
     assert len(force_shapes.contact_markers(force(touched=False)).markers) == 1

@@ -50,8 +50,10 @@ def show(findings: Sequence[Finding], console: Console) -> None:
     for finding in findings:
         mark = f'[{STYLES[finding.level]}]{finding.level}[/]'
         table.add_row(mark, finding.name, escape(finding.found), escape(finding.remedy))
-    console.print(table)
-    console.print(summary(findings))
+    with console.capture() as shown:
+        console.print(table)
+        console.print(summary(findings))
+    console.file.write(shown.get())  # rich would end with status 1 when the reader has gone
 
 
 def summary(findings: Sequence[Finding]) -> str:

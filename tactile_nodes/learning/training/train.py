@@ -30,8 +30,7 @@ from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import live_errors
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth, unjudged
 from tactile_nodes.learning.transfer.prior import Found, found_by_counts, learned_prior
-from tactile_nodes.model_file import save_model
-from tactile_nodes.paths import check_output
+from tactile_nodes.model_file import check_model_output, save_model
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
@@ -69,7 +68,7 @@ def train(
     """
     if config.readout == 'network':
         import_torch()  # before any press is rendered
-    check_output(config.output, Path(config.data.file) if config.data.file else None)
+    check_model_output(config.output, Path(config.data.file) if config.data.file else None)
     progress = progress or Progress()
     with calibration_named(config):
         data = training_data(config, progress)
