@@ -88,6 +88,7 @@ class PlayerNode(Node):
             self.reader.close()
             raise
         self._last_images: dict[str, BagMessage] = {}  # by sensor
+        self._transforms: dict[str, types.TransformStamped] = {}  # by child frame
         self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
         rate, hz = self.params.rate, self.params.clock_hz
         self.playback = Playback(
@@ -284,11 +285,18 @@ class PlayerNode(Node):
         )
 
     def _publish(self, message: BagMessage) -> None:
-        earlier = self.reader.types.is_completed(message.type_name)
-        data = encode(self.reader.decode(message)) if earlier else message.data
-        self._publishers[message.topic].publish_bytes(data)
+        self._publishers[message.topic].publish_bytes(self._bytes(message))
         if topics.in_table(message.topic) is topics.IMAGE:
             self._last_images[message.topic.rpartition('/')[0]] = message
+
+    def _bytes(self, message: BagMessage) -> bytes:
+        """As recorded; but static transforms of all publishers in one message, as late subscribers get the last."""
+        if self.reader.types.is_completed(message.type_name):
+            return encode(self.reader.decode(message))
+        if message.topic != topics.TF_STATIC.name:
+            return message.data
+        self._transforms |= {each.child_frame_id: each for each in self.reader.decode(message).transforms}
+        return encode(types.TFMessage(transforms=list(self._transforms.values())))
 
     def _tell_time(self, bag_ns: int) -> None:
         if self._clock_publisher is not None:

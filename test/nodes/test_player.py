@@ -305,6 +305,20 @@ def test_messages_leave_when_they_are_due(bus, play, clock: JumpingClock) -> Non
     assert sent == [number * 50_000_000 for number in range(COUNT)]
 
 
+def test_who_comes_late_gets_the_transforms_of_all_publishers(bus, play, tmp_path) -> None:
+    """A bag does not tell publishers apart, and of each publisher of the bus the last message is kept."""
+    writer = BagWriter(tmp_path / 'tf')
+    writer.add_topic(BagTopic.of_type('/tf_static', topics.TF_STATIC.type_name, latched=True))
+    for number, (frame, x) in enumerate([('arm', 1.0), ('camera', 2.0), ('arm', 3.0)]):
+        transform = types.Transform(translation=types.Vector3(x=x))
+        told = types.TFMessage(transforms=[types.TransformStamped(child_frame_id=frame, transform=transform)])
+        writer.write('/tf_static', messages.encode(told), START_NS + number, START_NS)
+    writer.close()
+    play(bag=str(tmp_path / 'tf')).spin()
+    found = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos).take().message.transforms
+    assert {each.child_frame_id: each.transform.translation.x for each in found} == {'arm': 3.0, 'camera': 2.0}
+
+
 def test_latched_topic_is_latched_again(bus, play) -> None:
     play().spin()
     assert taken(listen(bus, '/rest')) == ['rest']
