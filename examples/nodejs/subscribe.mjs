@@ -51,12 +51,10 @@ function definitionOf(name) {
   return { name, definitions: definitions.map(completed) };
 }
 
-// Contact means tactile_nodes/Contact, and a time is built in.
+// Contact means tactile_nodes/Contact.
 function completed(field) {
-  if (/^(bool|byte|char|u?int\d+|float\d+|string|wstring)$/.test(field.type)) return field;
-  if (/^builtin_interfaces\/(Time|Duration)$/.test(field.type))
-    return { ...field, type: field.type.slice(19).toLowerCase() };
-  return { ...field, type: field.type.includes("/") ? field.type : `${PACKAGE}/${field.type}`, isComplex: true };
+  if (!field.isComplex || field.type.includes("/")) return field;
+  return { ...field, type: `${PACKAGE}/${field.type}` };
 }
 
 function readerOf(typeName) {

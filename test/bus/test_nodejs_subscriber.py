@@ -85,6 +85,13 @@ def test_a_large_message_of_two_frames_arrives_too(node: str, bus: ZmqBus) -> No
     assert message['data'][:3] + message['data'][-2:] == pixels[[0, 1, 2, -2, -1]].tolist()
 
 
+def test_a_message_with_a_time_besides_that_of_its_header_arrives_too(node: str, bus: ZmqBus) -> None:
+    state = types.CalibrationState(valid_from=types.Time(sec=7, nanosec=9))
+    message = received_by(node, bus, topics.CALIBRATION_STATE, state)[0]['message']
+    assert isinstance(message, dict)
+    assert message['valid_from'] == {'sec': 7, 'nanosec': 9}
+
+
 def test_a_process_that_ends_while_the_folder_is_read_does_not_end_the_program(node: str, bus: ZmqBus) -> None:
     (bus.meeting.folder / '0badcafe.json').symlink_to('removed')  # listed, and gone when it is read
     first, _ = received_by(node, bus, topics.FORCE_DISTRIBUTION, types.ForceDistribution(total=1.75))
