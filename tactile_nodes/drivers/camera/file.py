@@ -267,8 +267,11 @@ def read_image(path: Path) -> Picture:
 
 def _check_readable(path: Path) -> None:
     try:
+        str(path).encode()  # FFmpeg crashes on another name
         with open_plain(path):
             pass
+    except UnicodeEncodeError as error:
+        raise ImageError(f'cannot read the video {path}: its name is not UTF-8; rename it') from error
     except OSError as error:
         raise ImageError(f'cannot read the video {path} ({error.strerror}); check its permissions') from error
 

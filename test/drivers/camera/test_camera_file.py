@@ -144,6 +144,13 @@ def test_a_file_that_is_no_video_is_refused(tmp_path: Path, jumping: SteppedCloc
         opened(path, jumping)
 
 
+def test_a_video_whose_name_is_not_utf_8_is_refused(video: Path, jumping: SteppedClock) -> None:
+    """FFmpeg would crash on it."""
+    renamed = video.rename(video.with_name('pr\udce9ssion.avi'))
+    with pytest.raises(ImageError, match='its name is not UTF-8; rename it'):
+        opened(renamed, jumping)
+
+
 def test_a_video_of_too_many_pixels_is_refused_before_it_is_decoded(
     video: Path, jumping: SteppedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
