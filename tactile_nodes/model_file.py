@@ -118,11 +118,7 @@ def find_model(name: str) -> Path:
 
 
 def check_model_output(file: Path, *read: Path | None) -> None:
-    """As `paths.check_output`, for a model file.
-
-    Raises:
-        ConfigurationError: also for a name that says another format.
-    """
+    """As `paths.check_output`. Raises ConfigurationError also for a name that says another format."""
     if file.suffix == '.onnx':
         raise ConfigurationError(f'cannot write {file}: write FILE.safetensors, and then: tactile model export FILE')
     check_output(file, *read)

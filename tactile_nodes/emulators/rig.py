@@ -94,17 +94,16 @@ class EmulatedRigSettings:
 
     READ_ONLY: ClassVar[bool] = True
 
-    cnc_port: str = parameter('', 'link to the serial port; empty: emulated_cnc in the run folder', read_only=True)
+    cnc_port: str = parameter('', 'link to the serial port; empty: emulated_cnc in the run folder')
     sensor: str = parameter(
-        'netft', 'the force/torque sensor: on the network, or on a serial line', choices=('netft', 'bota', 'text'),
-        read_only=True,
-    )  # fmt: skip
-    sensor_port: str = parameter('', "link to the sensor's serial port; empty: emulated_ft beside cnc", read_only=True)
-    rdt_port: int = parameter(49153, 'UDP port of the Net F/T box', minimum=0, maximum=65535, read_only=True)
-    http_port: int = parameter(49180, 'TCP port of its web pages', minimum=0, maximum=65535, read_only=True)
-    camera_port: int = parameter(49190, 'TCP port of the camera stream', minimum=0, maximum=65535, read_only=True)
-    fps: float = parameter(30.0, 'pictures a second', minimum=1.0, read_only=True)
-    trace: str = parameter('', 'file for the true position of the tip, and for each fault; empty: none', read_only=True)
+        'netft', 'the force/torque sensor: on the network, or on a serial line', choices=('netft', 'bota', 'text')
+    )
+    sensor_port: str = parameter('', "link to the sensor's serial port; empty: emulated_ft beside cnc")
+    rdt_port: int = parameter(49153, 'UDP port of the Net F/T box', minimum=0, maximum=65535)
+    http_port: int = parameter(49180, 'TCP port of its web pages', minimum=0, maximum=65535)
+    camera_port: int = parameter(49190, 'TCP port of the camera stream', minimum=0, maximum=65535)
+    fps: float = parameter(30.0, 'pictures a second', minimum=1.0)
+    trace: str = parameter('', 'file for the true position of the tip, and for each fault; empty: none')
     world: WorldSettings = field(default_factory=WorldSettings)
     grbl: GrblSettings = field(default_factory=GrblSettings)
     faults: RigFaults = field(default_factory=RigFaults)

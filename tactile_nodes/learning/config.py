@@ -163,7 +163,6 @@ READOUTS = 'network', 'response', 'axisymmetric', 'field'
 
 @dataclass(frozen=True)
 class _Blocks:
-    output: str = parameter('model.safetensors', 'file to write')
     readout: str = parameter('network', 'readout that turns features into forces', choices=READOUTS)
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -171,6 +170,11 @@ class _Blocks:
     axisymmetric: AxisymmetricConfig = field(default_factory=AxisymmetricConfig)
     field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
     training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
+
+
+@dataclass(frozen=True)
+class _Run(_Blocks):
+    output: str = parameter('model.safetensors', 'file to write')
 
 
 @dataclass(frozen=True)
@@ -182,20 +186,13 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class TrainConfig:
+class TrainConfig(_Blocks):
     """A training run."""
 
     output: Path = Path('model.safetensors')
-    readout: str = 'network'
-    data: DataConfig = field(default_factory=DataConfig)
     flow: Choice = field(default_factory=lambda: Choice('dis'))
     encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
     gel: Gel = field(default_factory=Gel)
-    network: NetworkConfig = field(default_factory=NetworkConfig)
-    response: ResponseConfig = field(default_factory=ResponseConfig)
-    axisymmetric: AxisymmetricConfig = field(default_factory=AxisymmetricConfig)
-    field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
-    training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
     recorded_bins: BinGrid | None = None
     stated: frozenset[str] = frozenset()
     """Dotted names of the keys given in the run's file. A file of recorded presses may decide the others."""
@@ -238,7 +235,7 @@ def load_train_config(path: Path | str) -> TrainConfig:
     path = described_in('train', path, 'training run')
     written = load_mapping(path)
     blocks = from_mapping(
-        _Blocks,
+        _Run,
         {name: value for name, value in written.items() if name.split('.')[0] not in ('flow', 'encoding', 'gel')},
         source=str(path),
         exact=False,

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
+from typing import ClassVar
 
 from tactile_nodes.bus.bridge.bridge import Bridge
 from tactile_nodes.bus.bridge.finding import AGAIN_WITHIN, Finder, Group
@@ -34,21 +35,17 @@ _CLOCKS_APART_MS = 5.0
 
 @dataclass(frozen=True)
 class BridgeParams(NodeParams):
-    listen: str = parameter('', 'host:port to listen on (0.0.0.0:7460: all networks)', read_only=True)
-    connect: str = parameter('', 'host:port of the bridges of other machines, separated by commas', read_only=True)
-    discover: bool = parameter(
-        False, 'find the bridges of this network that listen on the same port, by multicast', read_only=True
-    )
-    key: str = parameter('', "name or path of this machine's own keys (tactile keys create NAME)", read_only=True)
-    peers: tuple[str, ...] = parameter(
-        (), 'public keys of the other machines that may connect: names or paths', read_only=True
-    )
-    plain_tcp: str = parameter(
-        '', f'to use a network without keys, set this to: {PLAIN_TCP}', choices=('', PLAIN_TCP), read_only=True
-    )
-    send: tuple[str, ...] = parameter(('/**',), 'topics that others may receive (* one level, ** any)', read_only=True)
-    receive: tuple[str, ...] = parameter(('/**',), 'topics to take from others', read_only=True)
-    serve: tuple[str, ...] = parameter(('/**',), 'services that others may call', read_only=True)
+    READ_ONLY: ClassVar[bool] = True
+
+    listen: str = parameter('', 'host:port to listen on (0.0.0.0:7460: all networks)')
+    connect: str = parameter('', 'host:port of the bridges of other machines, separated by commas')
+    discover: bool = parameter(False, 'find the bridges of this network that listen on the same port, by multicast')
+    key: str = parameter('', "name or path of this machine's own keys (tactile keys create NAME)")
+    peers: tuple[str, ...] = parameter((), 'public keys of the other machines that may connect: names or paths')
+    plain_tcp: str = parameter('', f'to use a network without keys, set this to: {PLAIN_TCP}', choices=('', PLAIN_TCP))
+    send: tuple[str, ...] = parameter(('/**',), 'topics that others may receive (* one level, ** any)')
+    receive: tuple[str, ...] = parameter(('/**',), 'topics to take from others')
+    serve: tuple[str, ...] = parameter(('/**',), 'services that others may call')
 
 
 class BridgeNode(Node):

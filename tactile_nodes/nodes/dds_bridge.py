@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -31,20 +32,19 @@ _REPORT_PERIOD_S = 1.0
 
 @dataclass(frozen=True)
 class DdsBridgeParams(NodeParams):
+    READ_ONLY: ClassVar[bool] = True
+
     discovery_range: str = parameter(
         '',
         f'{LOCALHOST}: this machine only; {SUBNET}: the network too; empty: as {RANGE_VARIABLE}, or {LOCALHOST}',
         choices=('', LOCALHOST, SUBNET),
-        read_only=True,
     )
     peers: tuple[str, ...] = parameter(
-        (), f'further machines to contact if {SUBNET} does not find them: names or addresses', read_only=True
+        (), f'further machines to contact if {SUBNET} does not find them: names or addresses'
     )
-    send: tuple[str, ...] = parameter(('/**',), 'topics to show there (* one level, ** any)', read_only=True)
+    send: tuple[str, ...] = parameter(('/**',), 'topics to show there (* one level, ** any)')
     take: tuple[str, ...] = parameter(
-        (),
-        'topics to bring here: name@package/msg/Type; the type is needed for names outside the topic table',
-        read_only=True,
+        (), 'topics to bring here: name@package/msg/Type; the type is needed for names outside the topic table'
     )
 
 

@@ -48,14 +48,10 @@ SILENT_NS = 2 * NS_PER_S
 
 @dataclass(frozen=True)
 class FlowFeaturesParams(FollowingParams, NodeParams):
-    reference: str = parameter(
-        'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
-    )
-    compiled: bool = parameter(True, 'compute with loops compiled by numba, as force_estimator does', read_only=True)
+    reference: str = parameter('capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'))
+    compiled: bool = parameter(True, 'compute with loops compiled by numba, as force_estimator does')
     sensor: str = parameter(
-        '',
-        'sensor description (name or file): pictures of its size are cropped as it says, others are not',
-        read_only=True,
+        '', 'sensor description (name or file): pictures of its size are cropped as it says, others are not'
     )
     crop: int = parameter(
         0,

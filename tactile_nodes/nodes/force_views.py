@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -30,20 +30,16 @@ LOOK_PERIOD_S = 0.5
 
 @dataclass(frozen=True)
 class ForceViewsParams(NodeParams):
-    sensor: str = parameter(
-        '', 'sensor description; its `frame` is used unless the next four are given', read_only=True
-    )
-    frame_id: str = parameter('', 'frame of the forces; empty: that of `sensor`, or gel_surface', read_only=True)
+    READ_ONLY: ClassVar[bool] = True
+
+    sensor: str = parameter('', 'sensor description; its `frame` is used unless the next four are given')
+    frame_id: str = parameter('', 'frame of the forces; empty: that of `sensor`, or gel_surface')
     parent_frame_id: str = parameter(
-        'tactile_sensor', 'parent frame of the surface on /tf_static; empty: not published', read_only=True
+        'tactile_sensor', 'parent frame of the surface on /tf_static; empty: not published'
     )
-    xyz_m: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0), 'origin of the surface in the parent frame [m]', read_only=True
-    )
+    xyz_m: tuple[float, ...] = parameter((0.0, 0.0, 0.0), 'origin of the surface in the parent frame [m]')
     rpy_rad: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0),
-        'roll, pitch and yaw of the surface about the fixed axes of the parent frame [rad]',
-        read_only=True,
+        (0.0, 0.0, 0.0), 'roll, pitch and yaw of the surface about the fixed axes of the parent frame [rad]'
     )
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
@@ -30,25 +31,20 @@ ORIGINS = ('https://app.foxglove.dev', 'file://', 'http://localhost:8080', 'http
 
 @dataclass(frozen=True)
 class FoxgloveBridgeParams(NodeParams):
+    READ_ONLY: ClassVar[bool] = True
+
     address: str = parameter(
-        '127.0.0.1',
-        'address to serve on; connections from other machines count as guests, see `guests`',
-        read_only=True,
+        '127.0.0.1', 'address to serve on; connections from other machines count as guests, see `guests`'
     )
-    port: int = parameter(
-        8765, 'port to serve on, or the next free one; 0: any', minimum=0, maximum=65535, read_only=True
-    )
-    origins: tuple[str, ...] = parameter(ORIGINS, 'allowed origins of web pages (docs/foxglove.md)', read_only=True)
-    host_names: tuple[str, ...] = parameter(
-        (), 'host names, besides addresses, under which it may be reached', read_only=True
-    )
+    port: int = parameter(8765, 'port to serve on, or the next free one; 0: any', minimum=0, maximum=65535)
+    origins: tuple[str, ...] = parameter(ORIGINS, 'allowed origins of web pages (docs/foxglove.md)')
+    host_names: tuple[str, ...] = parameter((), 'host names, besides addresses, under which it may be reached')
     guests: str = parameter(
         Guests.NONE.value,
         'what other users of this machine, and other machines, may do: nothing, or watch',
         choices=[Guests.NONE.value, Guests.WATCH.value],
-        read_only=True,
     )
-    topics: tuple[str, ...] = parameter(('/**',), 'topics to show (* one level, ** any)', read_only=True)
+    topics: tuple[str, ...] = parameter(('/**',), 'topics to show (* one level, ** any)')
 
 
 class FoxgloveBridgeNode(Node):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import platform
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -34,28 +35,21 @@ IMAGES = 4  # kept between two polls
 
 @dataclass(frozen=True)
 class LiveViewParams(NodeParams):
+    READ_ONLY: ClassVar[bool] = True
+
     address: str = parameter(
-        '127.0.0.1',
-        'address to serve on; connections from other machines count as guests, see `guests`',
-        read_only=True,
+        '127.0.0.1', 'address to serve on; connections from other machines count as guests, see `guests`'
     )
-    port: int = parameter(
-        7470, 'port to serve on, or the next free one; 0: any', minimum=0, maximum=65535, read_only=True
-    )
-    host_names: tuple[str, ...] = parameter(
-        (), 'host names, besides addresses, under which it may be reached', read_only=True
-    )
+    port: int = parameter(7470, 'port to serve on, or the next free one; 0: any', minimum=0, maximum=65535)
+    host_names: tuple[str, ...] = parameter((), 'host names, besides addresses, under which it may be reached')
     guests: str = parameter(
         Guests.NONE.value,
         'what other users of this machine, and other machines, may do: nothing, watch, or also act',
         choices=[each.value for each in Guests],
-        read_only=True,
     )
-    rate_hz: float = parameter(30.0, 'updates per second', minimum=1.0, maximum=60.0, read_only=True)
-    hand: str = parameter(
-        '', 'show the sensors of this hand (name or file); empty: the sensor of the namespace', read_only=True
-    )
-    viewers: int = parameter(16, 'most pages that may watch at the same time', minimum=1, maximum=100, read_only=True)
+    rate_hz: float = parameter(30.0, 'updates per second', minimum=1.0, maximum=60.0)
+    hand: str = parameter('', 'show the sensors of this hand (name or file); empty: the sensor of the namespace')
+    viewers: int = parameter(16, 'most pages that may watch at the same time', minimum=1, maximum=100)
 
 
 @dataclass

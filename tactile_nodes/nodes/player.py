@@ -12,6 +12,7 @@ import fnmatch
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
@@ -41,32 +42,29 @@ _SHORTEST_QUEUE = 100  # a replay must lose nothing, even at ten times the rate
 
 @dataclass(frozen=True)
 class PlayerParams(NodeParams):
-    bag: str = parameter('', 'folder, .mcap or .db3 file to play', read_only=True)
-    rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001, maximum=1e6)
-    loop: bool = parameter(False, 'start again at the end', read_only=True)
-    start_offset: float = parameter(0.0, 'start this many seconds into the bag', minimum=0.0, read_only=True)
+    READ_ONLY: ClassVar[bool] = True
+
+    bag: str = parameter('', 'folder, .mcap or .db3 file to play')
+    rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001, maximum=1e6, read_only=False)
+    loop: bool = parameter(False, 'start again at the end')
+    start_offset: float = parameter(0.0, 'start this many seconds into the bag', minimum=0.0)
     wait_for: str = parameter(
         '',
         'node that must subscribe before playing starts; of several sensors, at least one within 30 s (longer on an '
         'overloaded machine)',
-        read_only=True,
     )
-    delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
-    clock_hz: float = parameter(
-        0.0, 'publish the time of the bag on /clock at this rate; 0.0: off', minimum=0.0, read_only=True
-    )
+    delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0)
+    clock_hz: float = parameter(0.0, 'publish the time of the bag on /clock at this rate; 0.0: off', minimum=0.0)
     topics: tuple[str, ...] = parameter(
-        (), "topics to play; '*/image_raw' means this topic of every sensor; empty: all", read_only=True
+        (), "topics to play; '*/image_raw' means this topic of every sensor; empty: all"
     )
-    topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them', read_only=True)
-    remap: tuple[str, ...] = parameter((), 'rules from:=to for topic names', read_only=True)
-    paused: bool = parameter(False, 'start paused', read_only=True)
+    topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them')
+    remap: tuple[str, ...] = parameter((), 'rules from:=to for topic names')
+    paused: bool = parameter(False, 'start paused')
     answer: str = parameter(
-        '',
-        "topic computed from the images, or '*/' and its name: the player ends when it has come for the last image",
-        read_only=True,
+        '', "topic computed from the images, or '*/' and its name: the player ends when it has come for the last image"
     )
-    most_hz: float = parameter(0.0, 'that of flow_features: the last images may have no answer', read_only=True)
+    most_hz: float = parameter(0.0, 'that of flow_features: the last images may have no answer')
 
 
 class PlayerNode(Node):

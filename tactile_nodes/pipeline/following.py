@@ -62,11 +62,9 @@ class FollowingParams:
     )
     stillness: StillnessParams = field(default_factory=StillnessParams)
     registration: RegistrationParams = field(default_factory=RegistrationParams)
-    renew: bool = parameter(
-        True, 'renew the rest image while nothing touches, after light or sharpness changed', read_only=True
-    )
+    renew: bool = parameter(True, 'renew the rest image while nothing touches, after light or sharpness changed')
     renew_after_s: float = parameter(
-        60.0, 'time after which slow changes renew the rest image while nothing touches', minimum=1.0, read_only=True
+        60.0, 'time after which slow changes renew the rest image while nothing touches', minimum=1.0
     )
     stale_after_s: float = parameter(0.2, 'age from which on a frame is reported as stale', minimum=0.001)
 

@@ -19,32 +19,25 @@ from tactile_nodes.sensing.rest.prepared import Measuring
 class StillnessParams:
     """How untouched frames are detected, and answered without measuring motion."""
 
-    check: bool = parameter(True, 'answer frames in which nothing touches without measuring motion', read_only=True)
+    check: bool = parameter(True, 'answer frames in which nothing touches without measuring motion')
     limit: float = parameter(
-        3.8,
-        'motion from which on something may touch, in units of the motion that noise causes',
-        minimum=0.1,
-        read_only=True,
+        3.8, 'motion from which on something may touch, in units of the motion that noise causes', minimum=0.1
     )
     most_noise_grey: float = parameter(
-        3.0, 'noise of a pixel (standard deviation, grey levels) from which on every frame is measured', minimum=0.1,
-        read_only=True,
-    )  # fmt: skip
-    full_every: int = parameter(
-        32, 'one in this many untouched frames is measured all the same; 1: all', minimum=1,
-        read_only=True,
-    )  # fmt: skip
+        3.0, 'noise of a pixel (standard deviation, grey levels) from which on every frame is measured', minimum=0.1
+    )
+    full_every: int = parameter(32, 'one in this many untouched frames is measured all the same; 1: all', minimum=1)
 
 
 @dataclass(frozen=True)
 class RegistrationParams:
     """How the motion of the whole image is removed: a knocked camera is not a force."""
 
-    check: bool = parameter(True, 'remove the motion of the whole image', read_only=True)
-    most_px: float = parameter(8.0, 'largest motion (root mean square) that is removed', minimum=0.1, read_only=True)
-    most_turn_deg: float = parameter(2.5, 'largest rotation that is removed', minimum=0.1, read_only=True)
+    check: bool = parameter(True, 'remove the motion of the whole image')
+    most_px: float = parameter(8.0, 'largest motion (root mean square) that is removed', minimum=0.1)
+    most_turn_deg: float = parameter(2.5, 'largest rotation that is removed', minimum=0.1)
     follow_s: float = parameter(
-        5.0, 'time constant with which slow motion is followed while nothing touches', minimum=0.1, read_only=True
+        5.0, 'time constant with which slow motion is followed while nothing touches', minimum=0.1
     )
 
 

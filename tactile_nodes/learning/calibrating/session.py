@@ -31,15 +31,15 @@ class CalibrationSettings:
 
     READ_ONLY: ClassVar[bool] = True
 
-    model: str = parameter('portable', 'source model: name of a shipped one, or a file', read_only=True)
-    gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
+    model: str = parameter('portable', 'source model: name of a shipped one, or a file')
+    gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one')
     body: str = parameter('', 'body that presses, like punch:1.5, for a model of any contact; empty: as in the model')
     folder: str = parameter('calibration', 'folder for calibrations, each in a separate file')
     output: str = parameter('', 'file to write instead; an existing one is replaced')
-    bag: str = parameter('', 'bag to take presses from; empty: the running rig', read_only=True)
-    rig: str = parameter('rig', 'node that presses', read_only=True)
-    rig_end: str = parameter('stop', 'command to the rig at the end', choices=('stop', 'pause'), read_only=True)
-    estimator: str = parameter('force_estimator', 'node that uses the calibration; empty: none', read_only=True)
+    bag: str = parameter('', 'bag to take presses from; empty: the running rig')
+    rig: str = parameter('rig', 'node that presses')
+    rig_end: str = parameter('stop', 'command to the rig at the end', choices=('stop', 'pause'))
+    estimator: str = parameter('force_estimator', 'node that uses the calibration; empty: none')
     stay: bool = parameter(False, 'keep node and launch running after the end', read_only=False)
     rule: StopRule = field(default_factory=StopRule)
 

@@ -12,6 +12,7 @@ import tempfile
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -34,10 +35,12 @@ WAITS_S = 60.0
 
 @dataclass(frozen=True)
 class HandSensorsParams(NodeParams):
-    hand: str = parameter('two_fingers', 'name of a shipped hand, or its file', read_only=True)
-    views: bool = parameter(False, 'publish the topics that RViz and Foxglove draw, for each sensor', read_only=True)
-    monitor: bool = parameter(True, 'monitor whether the calibration of each sensor is still valid', read_only=True)
-    replay: bool = parameter(False, 'compute forces from pictures that are played from a bag', read_only=True)
+    READ_ONLY: ClassVar[bool] = True
+
+    hand: str = parameter('two_fingers', 'name of a shipped hand, or its file')
+    views: bool = parameter(False, 'publish the topics that RViz and Foxglove draw, for each sensor')
+    monitor: bool = parameter(True, 'monitor whether the calibration of each sensor is still valid')
+    replay: bool = parameter(False, 'compute forces from pictures that are played from a bag')
 
 
 class HandSensorsNode(Node):
