@@ -14,26 +14,22 @@ def refusal(interpret, actions, *arguments, **options):
 # --- arguments -------------------------------------------------------------------------------------------------------
 
 
-def test_an_argument_takes_its_default(interpret):
-    assert interpret("- arg: {name: a, default: '1'}\n- log: {message: $(var a)}\n").texts == ['1']
+DEFAULT = "- arg: {name: a, default: '1'}\n"
+LET = "- let: {name: a, value: '0'}\n"
 
 
-def test_a_given_argument_wins_over_the_default(interpret):
-    assert interpret("- arg: {name: a, default: '1'}\n- log: {message: $(var a)}\n", a='2').texts == ['2']
-
-
-def test_an_argument_does_not_change_what_let_set_before(interpret):
-    actions = "- let: {name: a, value: '0'}\n- arg: {name: a, default: '1'}\n- log: {message: $(var a)}\n"
-    assert interpret(actions).texts == ['0']
-
-
-def test_let_changes_a_given_argument(interpret):
-    assert interpret("- let: {name: a, value: '0'}\n- log: {message: $(var a)}\n", a='2').texts == ['0']
-
-
-def test_a_default_may_refer_to_another_argument(interpret):
-    actions = '- arg: {name: a, default: x}\n- arg: {name: b, default: $(var a)y}\n- log: {message: $(var b)}\n'
-    assert interpret(actions).texts == ['xy']
+@pytest.mark.parametrize(
+    ('actions', 'given', 'expected'),
+    [
+        pytest.param(DEFAULT, {}, '1', id='an argument takes its default'),
+        pytest.param(DEFAULT, {'a': '2'}, '2', id='a given one wins over the default'),
+        pytest.param(LET + DEFAULT, {}, '0', id='what let set before stays'),
+        pytest.param(LET, {'a': '2'}, '0', id='let changes a given one'),
+        pytest.param('- arg: {name: b, default: x}\n- arg: {name: a, default: $(var b)y}\n', {}, 'xy', id='refers'),
+    ],
+)
+def test_an_argument_has_the_value_of_ros(interpret, actions, given, expected):
+    assert interpret(f'{actions}- log: {{message: $(var a)}}\n', **given).texts == [expected]
 
 
 def test_a_missing_argument_is_an_error_with_its_line(interpret, tmp_path):
@@ -112,31 +108,17 @@ SCOPED = """\
 """
 
 
-def test_a_group_is_scoped(interpret):
-    notes = interpret(SCOPED % 'true')
-    assert notes.texts == ['outer']
-    assert notes.commands == [['/n', '--ros-args', '-r', '__ns:=/outer', '-p', 'p:=outer', '-r', 'x:=outer']]
-
-
-def test_a_group_that_is_not_scoped_leaks(interpret):
-    notes = interpret(SCOPED % 'false')
-    assert notes.texts == ['inner']
-    assert notes.commands == [
-        [
-            '/n',
-            '--ros-args',
-            '-r',
-            '__ns:=/outer/inner',
-            '-p',
-            'p:=outer',
-            '-p',
-            'q:=inner',
-            '-r',
-            'x:=outer',
-            '-r',
-            'y:=inner',
-        ]
-    ]
+@pytest.mark.parametrize(
+    ('scoped', 'text', 'words'),
+    [
+        ('true', 'outer', '__ns:=/outer -p p:=outer -r x:=outer'),
+        ('false', 'inner', '__ns:=/outer/inner -p p:=outer -p q:=inner -r x:=outer -r y:=inner'),
+    ],
+)
+def test_what_a_group_sets_leaks_unless_it_is_scoped(interpret, scoped, text, words):
+    notes = interpret(SCOPED % scoped)
+    assert notes.texts == [text]
+    assert notes.commands == [['/n', '--ros-args', '-r', *words.split()]]
 
 
 def test_a_group_may_be_a_list(interpret):

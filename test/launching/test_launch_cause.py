@@ -52,9 +52,10 @@ def test_what_failed_before_is_part_of_the_cause(launch, program, tmp_path):
     )
 
 
-def test_a_required_program_that_is_missing_is_the_last_thing_reported(launch):
+def test_a_required_program_that_is_missing_ends_the_launch_and_is_the_last_thing_reported(launch):
     status, shown, _ = launch('- executable: {cmd: sleep 60}\n- executable: {cmd: /no/such, on_exit: shutdown}\n')
     assert status == 1
+    assert '[INFO] [launch]: process[such-2] was required: shutting down launched system' in shown
     assert shown[-1] == (
         '[ERROR] [launch]: such-2 failed: it could not be started: No such file or directory: /no/such'
     )
@@ -63,6 +64,7 @@ def test_a_required_program_that_is_missing_is_the_last_thing_reported(launch):
 def test_a_missing_program_that_nobody_needs_is_reported_once_more_when_the_others_have_ended(launch):
     status, shown, _ = launch('- executable: {cmd: /no/such}\n- executable: {cmd: echo hi, output: screen}\n')
     assert status == 1
+    assert '[ERROR] [such-1]: process could not be started: No such file or directory: /no/such' in shown
     assert '[echo-2] hi' in shown
     assert shown[-1] == (
         '[ERROR] [launch]: such-1 failed: it could not be started: No such file or directory: /no/such'

@@ -158,12 +158,6 @@ def test_ctrl_c_in_a_terminal_ends_everything_without_a_second_signal(start, lau
     assert b'[program-1] closed' in seen
 
 
-def test_the_status_tells_that_a_required_process_failed(start, launch_file):
-    process = start(launch_file("- executable: {cmd: 'false', on_exit: shutdown}\n"))
-    process.stdout.read()
-    assert process.wait(30) == 1
-
-
 def test_a_wrong_file_is_one_line_and_status_one(start, launch_file, tmp_path):
     process = start(launch_file('- node: {exe: a}\n'))
     output = process.stdout.read()

@@ -54,11 +54,6 @@ def test_an_unknown_key_is_named_with_its_line(launch_file):
     assert refusal(file) == f"{file}:5: node: unknown key 'respwan'; did you mean 'respawn'?"
 
 
-def test_a_boolean_for_a_string_is_refused_and_not_converted(launch_file):
-    file = launch_file('- node: {exec: a, respawn: true}\n')
-    assert f"{file}:2: node: 'respawn' expected str, got bool" in refusal(file)
-
-
 @pytest.mark.parametrize(
     'action',
     [
@@ -72,10 +67,11 @@ def test_a_boolean_for_a_string_is_refused_and_not_converted(launch_file):
         'executable: {cmd: 5}',
         'node: {exec: a, args: 5}',
         'node: {exec: a, output: true}',
+        'node: {exec: a, respawn: true}',
         'node: {exec: a, env: [{name: A, value: 1}]}',
     ],
 )
-def test_these_take_a_string_only(launch_file, action):
+def test_these_take_a_string_only_and_nothing_is_converted(launch_file, action):
     assert 'expected str, got' in refusal(launch_file(f'- {action}\n'))
 
 
@@ -105,14 +101,11 @@ def test_these_take_a_boolean_only(launch_file, action):
     assert 'expected bool, got str' in refusal(launch_file(f'- {action}\n'))
 
 
-def test_the_number_of_respawns_is_an_integer(launch_file):
-    assert 'expected int, got float' in refusal(launch_file('- executable: {cmd: a, respawn_max_retries: 1.0}\n'))
-
-
 @pytest.mark.parametrize(
     ('action', 'reason'),
     [
         ('executable: {cmd: a, respawn_delay: .inf}', 'must be finite'),
+        ('executable: {cmd: a, respawn_max_retries: 1.0}', 'expected int, got float'),
         ('node: {pkg: a}', "the key 'exec' is missing"),
         ('executable: {name: a}', "the key 'cmd' is missing"),
         ('arg: {default: a}', "the key 'name' is missing"),
@@ -166,24 +159,9 @@ scalars = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(['a', '$(var a)'])
 )
 keys = st.sampled_from(
-    [
-        'name',
-        'value',
-        'exec',
-        'pkg',
-        'cmd',
-        'children',
-        'param',
-        'remap',
-        'from',
-        'to',
-        'if',
-        'file',
-        'arg',
-        'period',
-        'env',
-    ]
-)
+    ['name', 'value', 'exec', 'pkg', 'cmd', 'children', 'param', 'remap', 'from', 'to', 'if', 'file', 'arg', 'period',
+     'env']
+)  # fmt: skip
 contents = st.recursive(
     scalars,
     lambda inner: st.one_of(

@@ -14,6 +14,7 @@ from tactile_nodes.launching.service import LaunchService
 
 KILLED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; kill -9 $$'
 FAILED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; exit 1'
+SOON_AGAIN = "respawn: 'true', respawn_delay: 0.01"
 
 
 def run(folder: Path, actions: str, stop_at: int = 2) -> tuple[int, list[str], list[float]]:
@@ -45,49 +46,30 @@ def starts(shown: list[str]) -> int:
     return sum('process started' in text for text in shown)
 
 
-def test_a_needed_process_that_was_killed_is_started_again(tmp_path: Path) -> None:
-    status, shown, _ = run(tmp_path, action(KILLED_ONCE, tmp_path))
-    assert (status, starts(shown)) == (0, 2)
-    assert not any('was required' in text for text in shown)
-
-
-def test_a_needed_process_that_fails_soon_after_its_start_ends_the_launch(tmp_path: Path) -> None:
-    status, shown, _ = run(tmp_path, action(FAILED_ONCE, tmp_path))
-    assert (status, starts(shown)) == (1, 1)
-
-
-def test_a_needed_process_that_fails_after_it_had_worked_is_started_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ('script', 'settled_s', 'status', 'started'),
+    [
+        pytest.param(KILLED_ONCE, None, 0, 2, id='killed'),
+        pytest.param(FAILED_ONCE, None, 1, 1, id='failed soon after its start'),
+        pytest.param(FAILED_ONCE, 0.0, 0, 2, id='failed after it had worked'),
+        pytest.param('exit 0', 0.0, 0, 1, id='ended cleanly'),
+        pytest.param(f'exit {NOT_AGAIN}', 0.0, 1, 1, id='only a person can set it right'),
+    ],
+)
+def test_a_needed_process_is_started_again_or_ends_the_launch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, settled_s: float | None, status: int, started: int
 ) -> None:
-    monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
-    status, shown, _ = run(tmp_path, action(FAILED_ONCE, tmp_path))
-    assert (status, starts(shown)) == (0, 2)
-
-
-def test_a_needed_process_that_ends_cleanly_ends_the_launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
-    status, shown, _ = run(tmp_path, action('exit 0', tmp_path))
-    assert (status, starts(shown)) == (0, 1)
-
-
-def test_a_needed_process_that_only_a_person_can_set_right_ends_the_launch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
-    status, shown, _ = run(tmp_path, action(f'exit {NOT_AGAIN}', tmp_path))
-    assert (status, starts(shown)) == (1, 1)
+    if settled_s is not None:
+        monkeypatch.setattr(supervisor, 'SETTLED_S', settled_s)
+    ended, shown, _ = run(tmp_path, action(script, tmp_path))
+    assert (ended, starts(shown)) == (status, started)
+    assert any('was required' in text for text in shown) is (started == 1)
 
 
 def test_a_program_that_the_launch_does_not_need_is_started_again_whatever_its_status(tmp_path: Path) -> None:
     """A second DDS bridge ends with this status while the first one runs, and is to take over after it."""
-    options = "respawn: 'true', respawn_delay: 0.01"
-    status, shown, _ = run(tmp_path, action(f'exit {NOT_AGAIN}', tmp_path, options))
-    assert (status, starts(shown)) == (0, 2)
-
-
-def test_a_process_that_is_killed_each_time_is_given_twice_the_time_each_time(tmp_path: Path) -> None:
-    options = "respawn: 'true', respawn_delay: 0.01"
-    _, _, delays = run(tmp_path, action('kill -9 $$', tmp_path, options), stop_at=5)
+    status, shown, delays = run(tmp_path, action(f'exit {NOT_AGAIN}', tmp_path, SOON_AGAIN), stop_at=5)
+    assert (status, starts(shown)) == (0, 5)
     assert delays[:4] == pytest.approx([0.01, 0.02, 0.04, 0.08])
 
 
@@ -118,8 +100,8 @@ def test_a_process_whose_program_is_missing_at_a_restart_is_tried_again(tmp_path
     """An upgrade of the package removes the programs, and writes them again a moment later."""
     action(f'mv {tmp_path}/program {tmp_path}/away; kill -9 $$', tmp_path)
     file = tmp_path / 'test.launch.yaml'
-    options = f"respawn: 'true', respawn_delay: 0.01{needed}"
-    file.write_text(f'launch:\n  - executable: {{cmd: {tmp_path}/program, {options}}}\n', encoding='utf-8')
+    actions = f'  - executable: {{cmd: {tmp_path}/program, {SOON_AGAIN}{needed}}}\n'
+    file.write_text(f'launch:\n{actions}', encoding='utf-8')
     shown: list[str] = []
 
     def screen(line: Line) -> None:

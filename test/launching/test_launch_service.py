@@ -110,19 +110,6 @@ def test_a_required_process_that_dies_of_the_shutdown_is_no_failure(launch):
     assert status == 0
 
 
-def test_a_required_process_that_cannot_be_started_ends_the_launch(launch):
-    status, shown, _ = launch('- executable: {cmd: sleep 60}\n- executable: {cmd: /no/such, on_exit: shutdown}\n')
-    assert status == 1
-    assert '[INFO] [launch]: process[such-2] was required: shutting down launched system' in shown
-
-
-def test_a_process_that_cannot_be_started_fails_the_launch_but_not_the_others(launch):
-    status, shown, _ = launch('- executable: {cmd: /no/such/program}\n- executable: {cmd: echo hi, output: screen}\n')
-    assert status == 1
-    assert '[ERROR] [program-1]: process could not be started: No such file or directory: /no/such/program' in shown
-    assert '[echo-2] hi' in shown
-
-
 # --- the end ---------------------------------------------------------------------------------------------------------
 
 STUBBORN = """\
@@ -240,15 +227,6 @@ def test_a_shutdown_cancels_timers_but_those_that_say_otherwise(launch):
     assert '[INFO] [launch]: shutting down: enough' in shown
     assert '[INFO] [launch.user]: kept' in shown
     assert '[INFO] [launch.user]: cancelled' not in shown
-
-
-def test_an_error_in_a_timer_ends_the_launch(launch):
-    status, shown, _ = launch("""\
-        - timer: {period: 0.05, children: [{log: {message: $(var none)}}]}
-        - executable: {cmd: sleep 60}
-        """)
-    assert status == 1
-    assert any("'none' does not exist" in line for line in shown)
 
 
 # --- the child's world -----------------------------------------------------------------------------------------------

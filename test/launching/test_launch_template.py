@@ -25,49 +25,25 @@ def value(text):
     return parse_template(text, PLACE).evaluate(Echo())
 
 
-def test_text_without_substitutions_stays():
-    assert value('plain text, with "quotes" and (parentheses)') == 'plain text, with "quotes" and (parentheses)'
-
-
-def test_a_call_stands_within_text():
-    assert value('/a/$(var b)/c') == '/a/var(b)/c'
-
-
-def test_arguments_are_separated_by_a_space():
-    assert value('$(var name default)') == 'var(name,default)'
-
-
-@pytest.mark.parametrize('text', ['$(var name "a b")', "$(var name 'a b')"])
-def test_a_quoted_argument_holds_spaces(text):
-    assert value(text) == 'var(name,a b)'
-
-
-def test_an_empty_default_is_written_as_quotes():
-    assert value("$(var name '')") == 'var(name,)'
-
-
-def test_calls_nest():
-    assert value('$(find-pkg-share $(var p$(env N)))') == 'find-pkg-share(var(penv(N)))'
-
-
-def test_calls_work_within_quotes():
-    assert value("""$(eval "'$(var mode)' == 'sim'")""") == "eval('var(mode)' == 'sim')"
-
-
-def test_a_dollar_without_a_parenthesis_is_text():
-    assert value('costs 5$ or $HOME $') == 'costs 5$ or $HOME $'
-
-
-def test_a_backslash_keeps_a_call_from_being_one():
-    assert value(r'\$(var x)') == '$(var x)'
-
-
-def test_a_backslash_makes_quotes_and_parentheses_plain():
-    assert value(r'$(var a\)\(\"\')') == 'var(a)("\')'
-
-
-def test_a_closed_quote_may_contain_the_other_one():
-    assert value("""$(eval 'a "b" c')""") == 'eval(a "b" c)'
+@pytest.mark.parametrize(
+    ('text', 'expected'),
+    [
+        pytest.param('plain, "quotes" and (parentheses)', 'plain, "quotes" and (parentheses)', id='no call'),
+        pytest.param('costs 5$ or $HOME $', 'costs 5$ or $HOME $', id='a dollar without a parenthesis'),
+        pytest.param('/a/$(var b)/c', '/a/var(b)/c', id='a call within text'),
+        pytest.param('$(var name default)', 'var(name,default)', id='a space separates arguments'),
+        pytest.param('$(var name "a b")', 'var(name,a b)', id='a quoted argument holds spaces'),
+        pytest.param("$(var name 'a b')", 'var(name,a b)', id='in either quotes'),
+        pytest.param("$(var name '')", 'var(name,)', id='an empty default'),
+        pytest.param("""$(eval 'a "b" c')""", 'eval(a "b" c)', id='a quote in the other one'),
+        pytest.param('$(find-pkg-share $(var p$(env N)))', 'find-pkg-share(var(penv(N)))', id='calls nest'),
+        pytest.param("""$(eval "'$(var m)' == 'a'")""", "eval('var(m)' == 'a')", id='a call within quotes'),
+        pytest.param(r'\$(var x)', '$(var x)', id='a backslash before a call'),
+        pytest.param(r'$(var a\)\(\"\')', 'var(a)("\')', id='backslashes within a call'),
+    ],
+)
+def test_calls_in_a_text_are_replaced_by_their_values(text, expected):
+    assert value(text) == expected
 
 
 @pytest.mark.parametrize(

@@ -12,20 +12,11 @@ from tactile_nodes.launching.processes import child, orphans
 from tactile_nodes.launching.processes.output import LaunchLog
 
 
-def test_a_grandchild_goes_with_its_parent(launch, program, tmp_path):
-    path = program("""\
+@pytest.mark.parametrize('own_session', [False, True])
+def test_a_grandchild_ends_with_the_launch_in_its_group_and_out_of_it(launch, program, own_session):
+    path = program(f"""\
         import subprocess
-        print('grandchild', subprocess.Popen(['sleep', '60']).pid, flush=True)
-        """)
-    _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n')
-    [pid] = [int(line.split()[-1]) for line in shown if '] grandchild ' in line]
-    assert not living(pid)
-
-
-def test_a_grandchild_that_left_the_group_ends_with_the_launch(launch, program):
-    path = program("""\
-        import subprocess
-        print('grandchild', subprocess.Popen(['sleep', '60'], start_new_session=True).pid, flush=True)
+        print('grandchild', subprocess.Popen(['sleep', '60'], start_new_session={own_session}).pid, flush=True)
         """)
     _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n')
     [pid] = [int(line.split()[-1]) for line in shown if '] grandchild ' in line]
