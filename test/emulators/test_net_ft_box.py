@@ -127,16 +127,8 @@ def test_the_page_has_every_field_that_clients_look_for() -> None:
         'comrdte': 'Enabled', 'comrdtrate': '1000',
     }  # fmt: skip
     assert expected.items() <= fields.items()
-    assert {
-        'setcfgsel',
-        'cfgnam',
-        'cfgcalsel',
-        'cfgcalsn',
-        'cfgtfx',
-        'scfgtdu',
-        'scfgtau',
-        'mfgdigver',
-    } <= fields.keys()
+    others = 'setcfgsel cfgnam cfgcalsel cfgcalsn cfgtfx scfgtdu scfgtau mfgdigver'
+    assert set(others.split()) <= fields.keys()
 
 
 def test_axia_sensors_spell_the_rate_with_two_m() -> None:

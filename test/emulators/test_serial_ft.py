@@ -42,10 +42,6 @@ def cell(**more: object) -> TextLineSensor:
     return sensor
 
 
-def test_the_check_sum_is_crc_16_x25() -> None:
-    assert crc16_x25(b'123456789') == 0x906E
-
-
 def test_a_bota_sensor_says_that_it_has_started_and_then_sends_100_frames_a_second() -> None:
     sensor = bota()
     assert sensor.due(0) == b'App Init\r\n'

@@ -116,12 +116,6 @@ def test_it_goes_where_it_is_sent_and_says_so(homed: Rig) -> None:
     assert homed.cnc.status().position_mm == pytest.approx(homed.tip, abs=0.006)  # Marlin reports hundredths
 
 
-def test_what_is_not_named_stays(homed: Rig) -> None:
-    homed.cnc.move(x=homed.at(-40, 0, 0)[0], feed=2000.0)
-    homed.cnc.wait_idle()
-    assert homed.tip == pytest.approx(homed.at(-40, -60, -5), abs=0.001)
-
-
 def test_a_move_takes_the_time_of_its_feed(homed: Rig) -> None:
     """20 mm at 600 mm/min with 200 mm/s²: 2 s and 0.05 s for the ramps; and the last question."""
     begin = homed.seconds()

@@ -201,10 +201,11 @@ def test_a_lock_that_asks_for_homing_does_not_break_homing_off() -> None:
 
 
 def test_messages_of_any_kind_are_no_answers() -> None:
-    """A startup line's :ok, FluidNC's [MSG:INFO], settings with comments; the ok is still the line's."""
+    """A startup line's :ok or error, FluidNC's [MSG:INFO], settings with comments; the ok is still the line's."""
     noise = b'>G54:ok\r\n[MSG:INFO: Connecting]\r\n' + b'$0=10 (step pulse, usec)\r\nnonsense\r\n'
     script = [CONNECT[0], CONNECT[1], (b'$$\n', noise + SETTINGS)]
-    assert play(script, nothing).limits.highest_mm == (0.0, 0.0, 0.0)
+    started = BANNER + b'>G54G20:ok\r\n>G21:error:9\r\n' + UNLOCK
+    assert play(script, nothing, first=started).limits.highest_mm == (0.0, 0.0, 0.0)
 
 
 def test_inches_are_converted() -> None:
@@ -217,16 +218,6 @@ def test_inches_are_converted() -> None:
     where = (b'?', b'<Idle|MPos:-0.0394,-0.0394,-0.0236|FS:0,0>\r\n')
     inches = SETTINGS.replace(b'$13=0', b'$13=1')
     play([*CONNECT[:2], (b'$$\n', inches), *HOME[:2], where, where], act)
-
-
-def test_work_positions_are_turned_into_machine_positions() -> None:
-    def act(cnc: GrblCnc) -> None:
-        cnc.home()
-        assert cnc.status().position_mm == pytest.approx((-1.0, -1.0, -1.0))
-
-    work = (b'?', b'<Idle|WPos:9.000,9.000,9.000|FS:0,0|WCO:-10.000,-10.000,-10.000>\r\n')
-    bare = (b'?', b'<Idle|WPos:9.000,9.000,9.000|FS:0,0>\r\n')
-    play([*CONNECT, *HOME[:2], work, bare], act)
 
 
 def test_a_grbl_from_before_1_1_is_refused_by_its_age() -> None:

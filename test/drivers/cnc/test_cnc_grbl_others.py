@@ -71,11 +71,6 @@ def test_a_board_that_restarts_twice_when_its_port_is_opened_is_asked_again() ->
     assert cnc.description['kind'].endswith(' 1.1h.20190830')
 
 
-def test_startup_blocks_are_no_answers() -> None:
-    started = BANNER + b'>G54G20:ok\r\n>G21:error:9\r\n' + UNLOCK
-    play(CONNECT, nothing, first=started)
-
-
 @pytest.mark.parametrize('word', ['Check', 'Sleep', 'Door:1', 'Tool', 'Hold:0', 'Run', 'Home', 'Jog'])
 def test_a_machine_that_does_something_else_is_refused(word: str) -> None:
     """In check mode everything is answered with ok, and nothing moves."""

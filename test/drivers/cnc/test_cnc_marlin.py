@@ -47,25 +47,19 @@ def scripted(script: Script, first: bytes = BOOT) -> tuple[MarlinCnc, Scripted]:
     return cnc, port
 
 
-def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
-    cnc, port = scripted(CONNECT)
+@pytest.mark.parametrize(
+    ('script', 'first'),
+    [
+        pytest.param(CONNECT, BOOT, id='started'),
+        pytest.param([(CONNECT[0][0], BOOT), *CONNECT], b'', id='starts late, the first line is lost'),
+        pytest.param([(CONNECT[0][0], BOOT + b'ok\n'), *CONNECT], b'', id='starts late, the first line is kept'),
+        pytest.param([CONNECT[0], (CONNECT[1][0], b'ok\n' + CONNECT[1][1]), *CONNECT[2:]], BOOT, id='an ok too many'),
+    ],
+)
+def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities(script: Script, first: bytes) -> None:
+    cnc, port = scripted(script, first)
     assert port.left == []
     assert cnc.description['kind'] == 'CNC, Marlin 2.1.2.7'
-    assert cnc.blind_step_mm is None
-
-
-@pytest.mark.parametrize('late', [b'', b'ok\n'], ids=['lost', 'kept'])
-def test_a_board_that_starts_later_than_it_is_waited_for_is_connected(late: bytes) -> None:
-    """The first line meets its start, and is lost or answered afterwards."""
-    cnc, port = scripted([(CONNECT[0][0], BOOT + late), *CONNECT], first=b'')
-    assert port.left == []
-    assert cnc.blind_step_mm is None
-
-
-def test_an_ok_too_many_is_not_the_answer_to_the_question_for_capabilities() -> None:
-    """It would be taken for a Marlin without an emergency parser."""
-    cnc, port = scripted([CONNECT[0], (CONNECT[1][0], b'ok\n' + CONNECT[1][1]), *CONNECT[2:]])
-    assert port.left == []
     assert cnc.blind_step_mm is None
 
 
@@ -84,17 +78,17 @@ def test_a_line_that_arrived_damaged_is_sent_again_until_it_is_answered(answers:
     assert port.left == []
 
 
-def test_a_damaged_line_whose_successor_is_asked_for_was_not_done() -> None:
-    again = b'Error: Checksum mismatch\nResend:8\nok\n'
-    cnc, _ = scripted([*CONNECT, (b'N7 M114 R*82\n', again)])
-    with pytest.raises(DeviceFaultError, match='requests line 8 again, but 7'):
-        cnc.status()
-
-
-def test_a_line_that_never_gets_through_is_given_up() -> None:
-    again = b'Error:checksum mismatch, Last Line: 6\nResend: 7\nok\n'
-    cnc, _ = scripted([*CONNECT, *[(b'N7 M114 R*82\n', again)] * 6])
-    with pytest.raises(DeviceFaultError, match='the line is too noisy'):
+@pytest.mark.parametrize(
+    ('again', 'times', 'text'),
+    [
+        (b'Error: Checksum mismatch\nResend:8\nok\n', 1, 'requests line 8 again, but 7'),
+        (b'Error:checksum mismatch, Last Line: 6\nResend: 7\nok\n', 6, 'the line is too noisy'),
+    ],
+    ids=['its successor is asked for', 'never gets through'],
+)
+def test_a_damaged_line_that_was_not_done_is_reported(again: bytes, times: int, text: str) -> None:
+    cnc, _ = scripted([*CONNECT, *[(b'N7 M114 R*82\n', again)] * times])
+    with pytest.raises(DeviceFaultError, match=text):
         cnc.status()
 
 
@@ -190,14 +184,6 @@ def silent_after(rig: Rig, within_s: float) -> float:
 
 def test_a_controller_that_hangs_at_rest_is_silent_after_half_a_second() -> None:
     assert silent_after(homed_rig(), 2.0) < 0.5 + 0.2 + 0.1  # with the time between two questions
-
-
-def test_a_controller_that_hangs_while_it_moves_is_silent_after_half_a_second() -> None:
-    rig = homed_rig()
-    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
-    rig.cnc._talk().link.wait(lambda: False, 1.0)
-    assert rig.cnc.health.level == Level.OK
-    assert silent_after(rig, 2.0) < 0.8
 
 
 def test_one_that_tells_its_place_at_rest_alone_is_silent_as_soon_after_its_first_motion() -> None:

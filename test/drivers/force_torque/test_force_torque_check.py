@@ -25,18 +25,23 @@ def first_stalled(check: SampleCheck, wrenches: list[tuple[float, ...]]) -> int 
     return next((at for at, wrench in enumerate(wrenches) if check.flags(wrench) & Flag.STALLED), None)
 
 
-@pytest.mark.parametrize('wrench', [WRENCH, (0.0,) * 6])
-def test_the_twentieth_repetition_of_all_axes_is_a_sensor_that_stands_still(wrench: tuple[float, ...]) -> None:
-    assert first_stalled(SampleCheck(AXES, 20), [wrench] * 40) == 20
+NOISY_BUT_Z = [(float(at), at * 0.1, 3.0, at * 1e-3, at * 1e-4, at * 1e-5) for at in range(200)]
 
 
-def test_one_axis_of_six_that_stands_still_is_found_after_six_times_as_many() -> None:
-    noisy = [(float(at), at * 0.1, 3.0, at * 1e-3, at * 1e-4, at * 1e-5) for at in range(200)]
-    assert first_stalled(SampleCheck(AXES, 20), noisy) == 120
-
-
-def test_a_sensor_of_one_axis_is_judged_by_that_axis() -> None:
-    assert first_stalled(SampleCheck(('fz',), 20), [ONLY_Z] * 40) == 20
+@pytest.mark.parametrize(
+    ('axes', 'same_values', 'wrenches', 'stalled'),
+    [
+        pytest.param(AXES, 20, [WRENCH] * 40, 20, id='all axes'),
+        pytest.param(AXES, 20, [(0.0,) * 6] * 40, 20, id='all axes at zero'),
+        pytest.param(AXES, 20, NOISY_BUT_Z, 120, id='one axis of six, after six times as many'),
+        pytest.param(('fz',), 20, [ONLY_Z] * 40, 20, id='a sensor of one axis'),
+        pytest.param(AXES, 0, [WRENCH] * 1000, None, id='nobody asks'),
+    ],
+)
+def test_so_many_repetitions_are_a_sensor_that_stands_still(
+    axes: tuple, same_values: int, wrenches: list, stalled: int | None
+) -> None:
+    assert first_stalled(SampleCheck(axes, same_values), wrenches) == stalled
 
 
 def test_a_sensor_that_moves_again_is_well_again() -> None:
@@ -51,10 +56,6 @@ def test_a_quiet_sensor_of_coarse_steps_is_not_taken_for_one_that_stands_still(a
     chance, check = random.Random(1), SampleCheck(axes, 20)
     quiet = [tuple(float(round(chance.gauss(0, share))) for _ in AXES) for _ in range(20_000)]
     assert first_stalled(check, quiet) is None
-
-
-def test_repetition_is_not_looked_for_where_nobody_asks() -> None:
-    assert first_stalled(SampleCheck(AXES, 0), [WRENCH] * 1000) is None
 
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])

@@ -61,13 +61,15 @@ def wait_for(condition: Callable[[], bool], within_s: float = 60.0) -> None:
         time.sleep(0.005)
 
 
-def test_the_driver_asks_for_a_finite_count_and_stops_the_box_when_it_closes(rig_with: Make) -> None:
+def test_the_driver_asks_for_a_finite_count_stops_the_box_when_it_closes_and_changes_nothing(rig_with: Make) -> None:
     rig = rig_with()
-    sensor = rig.open()
+    sensor = rig.open(rate_hz=1000.0)
     box = rig.device.box
     assert box.requests[0] == (rdt.START_REALTIME, 5000)  # 10 s at 500 Hz
     sensor.close()
     wait_for(lambda: box.requests[-1][0] == rdt.STOP and box.client is None)
+    assert rig.device.refused == []
+    assert {command for command, _ in box.requests} == {rdt.START_REALTIME, rdt.STOP}
 
 
 def test_the_request_is_renewed_without_losing_a_record(rig_with: Make) -> None:
@@ -280,13 +282,6 @@ def test_stamps_are_those_of_the_boxs_own_clock(rig_with: Make) -> None:
         return 0 <= min(late_ns) <= max(late_ns) < 3e6 and grow_ns < 1e5
 
     assert any(is_timed(read(sensor, 200)) for _ in range(50))  # once the emulator gets a processor in time
-
-
-def test_the_driver_changes_nothing_in_the_box(rig_with: Make) -> None:
-    rig = rig_with()
-    rig.open(rate_hz=1000.0).close()
-    assert rig.device.refused == []
-    assert {command for command, _ in rig.device.box.requests} <= {rdt.START_REALTIME, rdt.STOP}
 
 
 def test_another_rate_than_the_one_asked_for_is_a_warning(rig_with: Make) -> None:

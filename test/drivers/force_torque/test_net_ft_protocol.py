@@ -81,27 +81,21 @@ def test_both_counters_may_wrap() -> None:
     assert accepted(tracker, *wrapped) == [0, 0, 0, 1]
 
 
-def test_a_renewed_stream_counts_from_one_and_loses_nothing() -> None:
+@pytest.mark.parametrize(
+    ('old', 'new', 'missing'),
+    [
+        pytest.param(500, [record(1, 3507), record(2, 3514)], [0, 0], id='it counts from one'),
+        pytest.param(500, [record(2, 3528)], [3], id='three records of 7 ticks are lost'),  # from 3500 to 3528
+        pytest.param(501, [record(500, 3500), record(1, 3514)], [None, 0], id='a late one of the old stream'),
+        pytest.param(500, [record(501, 3507), record(1, 3514)], [0, 0], id='the old stream goes on at first'),
+    ],
+)
+def test_a_renewed_stream_loses_nothing_uncounted(old: int, new: list[Record], missing: list[int | None]) -> None:
     tracker = StreamTracker()
-    accepted(tracker, record(499, 3493), record(500, 3500))
+    accepted(tracker, record(499), record(old))
     tracker.requested()
-    assert accepted(tracker, record(1, 3507), record(2, 3514)) == [0, 0]
+    assert accepted(tracker, *new) == missing
     assert tracker.renewed
-
-
-def test_what_is_lost_around_a_renewal_shows_in_the_internal_counter() -> None:
-    """3 records of 7 ticks lie between 3500 and 3528."""
-    tracker = StreamTracker()
-    accepted(tracker, record(499, 3493), record(500, 3500))
-    tracker.requested()
-    assert accepted(tracker, record(2, 3528)) == [3]
-
-
-def test_a_late_record_of_the_old_stream_does_not_pass_for_the_new_one() -> None:
-    tracker = StreamTracker()
-    accepted(tracker, record(499, 3493), record(501, 3507))
-    tracker.requested()
-    assert accepted(tracker, record(500, 3500), record(1, 3514)) == [None, 0]
 
 
 def test_a_second_request_that_was_not_needed_begins_once_more_and_loses_nothing() -> None:
@@ -122,13 +116,6 @@ def test_one_odd_step_of_the_internal_counter_does_not_change_the_rate() -> None
     assert tracker.step == 7
 
 
-def test_records_of_the_old_stream_go_on_counting_until_the_new_one_begins() -> None:
-    tracker = StreamTracker()
-    accepted(tracker, record(499, 3493), record(500, 3500))
-    tracker.requested()
-    assert accepted(tracker, record(501, 3507), record(1, 3514)) == [0, 0]
-
-
 def test_an_internal_counter_that_stands_still_is_a_stalled_front_end() -> None:
     tracker = StreamTracker()
     results = [tracker.accept(each) for each in (record(1, 7), record(2, 14), record(3, 14))]
@@ -144,16 +131,13 @@ def test_an_internal_counter_that_begins_again_is_a_box_that_was_restarted() -> 
     assert result.rebooted
 
 
-def test_status_zero_is_well() -> None:
-    assert flags_of(0) == 0
-
-
-def test_the_threshold_latch_alone_is_no_fault() -> None:
-    assert flags_of(0x8001_0000) == Flag.THRESHOLD
-
-
-def test_saturation_is_a_fault() -> None:
-    assert flags_of(0x8002_0000) == Flag.SATURATED | Flag.FAULT
+@pytest.mark.parametrize(
+    ('status', 'flags'),
+    [(0, 0), (0x8001_0000, Flag.THRESHOLD), (0x8002_0000, Flag.SATURATED | Flag.FAULT)],
+    ids=['well', 'the threshold latch alone', 'saturated'],
+)
+def test_bits_of_the_status_have_their_meaning(status: int, flags: int) -> None:
+    assert flags_of(status) == flags
 
 
 @pytest.mark.parametrize('bit', [bit for bit in range(32) if bit not in {16, 31}])
@@ -174,15 +158,8 @@ def test_an_axia_sensor_spells_its_rate_differently() -> None:
 
 
 FORCES = {
-    'lbf': 4.4482216,
-    'N': 1,
-    'klbf': 4448.2216,
-    'kN': 1000,
-    'kgf': 9.80665,
-    'kg': 9.80665,
-    'gf': 0.00980665,
-    '2': 1,
-}
+    'N': 1, 'kN': 1000, '2': 1, 'lbf': 4.4482216, 'klbf': 4448.2216, 'kgf': 9.80665, 'kg': 9.80665, 'gf': 0.00980665,
+}  # fmt: skip
 TORQUES = {
     'Nm': 1, 'N-m': 1, 'N·m': 1, 'Nmm': 1e-3, 'N-mm': 1e-3, 'kg-cm': 0.0980665, 'kgf-cm': 0.0980665, '3': 1,
     'lbf-in': 0.11298483, 'in-lbf': 0.11298483, 'lbf-ft': 1.3558179, 'kNm': 1000, 'kN-m': 1000,
