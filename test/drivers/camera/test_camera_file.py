@@ -36,8 +36,11 @@ def opened(path: Path, clock: SteppedClock, **settings: object) -> Camera:
     return open_camera(CameraSettings(str(path), **{'fps': 50.0, **settings}), clock)
 
 
-def test_a_video_gives_every_frame_once_and_then_ends(video: Path, jumping: SteppedClock) -> None:
+def test_a_video_gives_every_frame_once_also_to_a_reader_that_fell_behind_and_then_ends(
+    video: Path, jumping: SteppedClock
+) -> None:
     camera = opened(video, jumping)
+    jumping.advance(1.0)
     assert levels(read_all(camera)) == list(range(8))
     assert camera.read(1.0) is None
 
@@ -84,12 +87,6 @@ def test_at_rate_zero_no_time_passes_and_stamps_still_increase(folder: Path, jum
     assert [frame.stamp_ns - start_ns for frame in frames] == list(range(12))
 
 
-def test_a_reader_that_fell_behind_gets_every_frame(video: Path, jumping: SteppedClock) -> None:
-    camera = opened(video, jumping)
-    jumping.advance(1.0)
-    assert levels(read_all(camera)) == list(range(8))
-
-
 def test_a_frame_that_was_waited_for_in_vain_comes_with_the_next_read(video: Path, jumping: SteppedClock) -> None:
     camera = opened(video, jumping, rate=0.01)
     assert levels([camera.read(1.0)]) == [0]
@@ -98,22 +95,21 @@ def test_a_frame_that_was_waited_for_in_vain_comes_with_the_next_read(video: Pat
     assert levels([camera.read(1.0)]) == [1]
 
 
-def test_a_grey_image_stays_grey(tmp_path: Path, jumping: SteppedClock) -> None:
-    cv2.imwrite(str(tmp_path / 'a.png'), np.full((5, 7), 9, np.uint8))
-    frame = opened(tmp_path, jumping).read(1.0)
-    assert frame.image.shape == (5, 7)
-    assert frame.image.ndim == 2
-
-
-def test_deeper_images_are_cut_to_8_bits(tmp_path: Path, jumping: SteppedClock) -> None:
-    """Of 16 bits the upper 8: 0x1234 becomes 0x12."""
-    cv2.imwrite(str(tmp_path / 'a.png'), np.full((5, 7), 0x1234, np.uint16))
-    assert (opened(tmp_path, jumping).read(1.0).image == 0x12).all()
-
-
-def test_dark_frames_are_delivered(tmp_path: Path, jumping: SteppedClock) -> None:
-    cv2.imwrite(str(tmp_path / 'a.png'), np.zeros((5, 7), np.uint8))
-    assert opened(tmp_path, jumping).read(1.0).image.max() == 0
+@pytest.mark.parametrize(
+    ('level', 'kind', 'expected'),
+    [
+        pytest.param(9, np.uint8, 9, id='grey'),
+        pytest.param(0, np.uint8, 0, id='dark'),
+        pytest.param(0x1234, np.uint16, 0x12, id='of 16 bits the upper 8'),
+    ],
+)
+def test_a_grey_image_stays_grey_of_8_bits(
+    tmp_path: Path, jumping: SteppedClock, level: int, kind: type, expected: int
+) -> None:
+    cv2.imwrite(str(tmp_path / 'a.png'), np.full((5, 7), level, kind))
+    image = opened(tmp_path, jumping).read(1.0).image
+    assert image.shape == (5, 7)
+    assert (image == expected).all()
 
 
 def test_an_empty_folder_is_refused(tmp_path: Path, jumping: SteppedClock) -> None:

@@ -105,52 +105,6 @@ def test_pictures_that_are_not_whole_are_dropped_and_counted(serve: Serve, clock
     camera.close()
 
 
-def test_wrong_lengths_cost_no_more_than_the_parts_that_carry_them(
-    serve: Serve, clock: SystemClock, jpeg_of: Jpeg
-) -> None:
-    go = threading.Event()
-
-    def script(peer) -> None:
-        peer.head()
-        peer.part(jpeg_of(0), length=None)
-        peer.part(jpeg_of(1))
-        go.wait(30)
-        peer.part(jpeg_of(2), length=100)  # too short: the picture is cut
-        peer.part(jpeg_of(3), length=1_000_000)  # too long: the next delimiter ends it
-        peer.part(jpeg_of(4))
-        peer.stall()
-
-    camera = connected(serve(script), clock, stall_s=5.0)
-    while level(camera.read(20.0)) != 1:
-        pass
-    go.set()
-    while level(frame := camera.read(20.0)) != 4:
-        pass
-    assert frame.sequence == 4
-    camera.close()
-
-
-def test_the_newest_picture_wins_and_overtaken_ones_are_counted(
-    serve: Serve, clock: SystemClock, jpeg_of: Jpeg
-) -> None:
-    sent = threading.Event()
-
-    def script(peer) -> None:
-        peer.head()
-        for number in range(10):
-            peer.part(jpeg_of(number))
-        sent.set()
-        peer.stall()
-
-    camera = connected(serve(script), clock, stall_s=5.0)
-    assert sent.wait(30)
-    last = camera.read(20.0)
-    while level(last) != 9:
-        last = camera.read(20.0)
-    assert last.sequence == 9
-    camera.close()
-
-
 def test_pictures_are_stamped_when_they_arrive(serve: Serve, clock: SystemClock, jpeg_of: Jpeg) -> None:
     """The first bytes of the second picture are read before its last ones are sent."""
     go, sent_ns, read_ns = threading.Event(), [], []

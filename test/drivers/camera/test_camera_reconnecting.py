@@ -104,12 +104,6 @@ def lose(camera: LiveCamera) -> None:
     miss(camera)
 
 
-def test_a_camera_that_was_never_there_is_an_error_at_once(bench: Bench) -> None:
-    bench.plugged = False
-    with pytest.raises(DeviceNotFoundError, match='there is no camera X'):
-        LiveCamera('X', bench.connect, SystemClock(), CameraSettings('X')).open()
-
-
 def test_a_camera_that_sends_nothing_is_not_opened(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, 'FIRST_FRAME_S', 0.5)
     monkeypatch.setattr(reader, 'JOIN_S', 30.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import itertools
 import os
@@ -98,14 +97,12 @@ def read(line: WatchedLine, count: int) -> list[Edge]:
     return edges
 
 
-def test_every_edge_is_seen_with_its_level_and_number(watched: WatchedLine) -> None:
+def test_every_edge_is_seen_with_its_level_and_number_and_happened_within_its_stated_uncertainty(
+    watched: WatchedLine, times_ns: list[int]
+) -> None:
     edges = read(watched, 6)
-    assert [edge.level for edge in edges] == [True, False] * 3
-    assert [edge.number for edge in edges] == [1, 2, 3, 4, 5, 6]
-
-
-def test_each_edge_happened_within_its_stated_uncertainty(watched: WatchedLine, times_ns: list[int]) -> None:
-    for edge, true_ns in zip(read(watched, 6), times_ns, strict=True):
+    assert [(edge.level, edge.number) for edge in edges] == list(zip([True, False] * 3, range(1, 7), strict=True))
+    for edge, true_ns in zip(edges, times_ns, strict=True):
         assert abs(edge.stamp_ns - true_ns) <= edge.uncertainty_s * 1e9
         assert edge.uncertainty_s <= 0.001  # two looks, a millisecond each
 
@@ -152,30 +149,14 @@ def test_an_optocoupler_that_inverts_is_inverted_back(times_ns: list[int], stepp
     line.close()
 
 
-def test_a_line_that_does_not_change_is_a_timeout() -> None:
+def test_a_line_that_does_not_change_is_a_timeout_and_waiting_for_it_does_not_burn_the_processor() -> None:
     line = watch(EmulatedControlLine(Line([]), SystemClock()))
+    before_s = time.process_time()
     with pytest.raises(DeviceTimeoutError, match='has not changed'):
-        line.read(0.05)
+        line.read(0.3)
+    assert time.process_time() - before_s < 0.2
     assert line.health.level == Level.OK
     line.close()
-
-
-def test_a_port_that_is_pulled_out_is_lost(wire: LookedAt, watched: WatchedLine) -> None:
-    wire.unplugged = True
-    while watched.health.level == Level.OK:
-        with contextlib.suppress(DeviceTimeoutError):
-            watched.read(0.05)
-    with pytest.raises(DeviceTimeoutError, match='reconnecting'):
-        watched.read(0.05)
-    assert watched.health.level == Level.ERROR
-    assert 'Input/output error' in watched.health.message
-
-
-def test_reading_after_closing_is_an_error(watched: WatchedLine) -> None:
-    watched.close()
-    watched.close()
-    with pytest.raises(DeviceError, match='open it before reading'):
-        watched.read(0.1)
 
 
 def test_closing_ends_a_wait_in_another_thread() -> None:
@@ -297,12 +278,3 @@ def test_recorded_edges_stay_in_order_whatever_the_faults() -> None:
     faults = RecorderFaults(missing=0.2, doubled=0.5, jitter_s=0.3)
     observed = recorded(irregular(200).line_edges(), DeviceClock(7000), faults)
     assert all(later[0] >= earlier[0] for earlier, later in itertools.pairwise(observed))
-
-
-def test_waiting_for_a_still_line_does_not_burn_the_processor() -> None:
-    line = watch(EmulatedControlLine(Line([]), SystemClock()))
-    before = time.thread_time(), time.process_time()
-    with pytest.raises(DeviceTimeoutError):
-        line.read(0.3)
-    assert time.process_time() - before[1] < 0.2
-    line.close()
