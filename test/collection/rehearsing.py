@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from tactile_nodes.collection.settings import (
 )
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.cnc.contract import CncSettings
-from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.emulators.world import World, WorldSettings, Wrench
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 
@@ -54,6 +55,7 @@ SETTINGS = CollectionSettings(
 )  # fmt: skip
 """A short search for the surface and short patterns, as each run has them, and quick presses."""
 TABLE = contact_table(Gel())
+UNBEARABLE: Wrench = (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)  # limits.bearable_n is 5 N
 
 
 def changed(**blocks: dict[str, object]) -> CollectionSettings:
@@ -178,6 +180,22 @@ class Run:
                 act()
 
         self.rig.clock.every(seconds, once)
+
+    def pause(self, seconds: float) -> None:
+        self.campaign.paused = True
+        self.after(seconds, lambda: setattr(self.campaign, 'paused', False))
+
+    def push(self, seconds: float, wrench: Wrench = UNBEARABLE) -> None:
+        """Something leans on the tool, or hits it."""
+        felt = self.world.wrench_at
+        self.world.wrench_at = lambda _: wrench  # type: ignore[method-assign]
+        self.after(seconds, lambda: setattr(self.world, 'wrench_at', felt))
+
+    @property
+    def machine_steps(self) -> list[str]:
+        """What the record of the machine says became of it."""
+        lines = (self.journal.path.parent / 'machine.record').read_text(encoding='ascii').splitlines()
+        return [json.loads(line)['step'] for line in lines]
 
     @property
     def recorded(self) -> list[int]:

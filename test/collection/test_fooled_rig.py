@@ -121,6 +121,20 @@ def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SIL
         return None, bench.depth_mm
 
 
+def must_stop(
+    bench: Bench,
+    settings: ForceTorqueSettings,
+    kind: str,
+    reason: str,
+    within_mm: float,
+    silence_ms: float = SILENCE_MS,
+) -> None:
+    trip, depth_mm = pressed(bench, settings, silence_ms)
+    assert trip is not None
+    assert (trip.kind, reason in trip.reason) == (kind, True), trip
+    assert depth_mm < within_mm
+
+
 def approached() -> Procedure[None]:
     yield Go(z=SURFACE_MM + 0.1, feed_mm_min=300.0)
 
@@ -142,23 +156,19 @@ def test_an_honest_sensor_lets_the_tip_go_all_the_way(bench: Bench) -> None:
     assert depth_mm == pytest.approx(COMMANDED_MM, abs=0.01)
 
 
-@pytest.mark.parametrize('sensor', [net_ft, bota, text])
-def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Liar) -> None:
+@pytest.mark.parametrize(
+    ('sensor', 'said', 'reason'),
+    [
+        *((sensor, frozen, 'stalled') for sensor in (net_ft, bota, text)),
+        *((sensor, one_axis_is_no_number, 'not a number') for sensor in (bota, text)),
+    ],
+)
+def test_a_sensor_that_repeats_one_value_or_says_no_number_stops_the_tip(
+    bench: Bench, sensor: Liar, said: Callable[[Values], Values], reason: str
+) -> None:
     """20 samples at 200 to 500 Hz are 0.04 to 0.1 mm, and as much again for what a busy computer adds."""
-    with sensor(bench, Lie(bench.begins, frozen)) as settings:
-        trip, depth_mm = pressed(bench, settings)
-    assert trip is not None
-    assert (trip.kind, 'stalled' in trip.reason) == (SENSOR, True), trip
-    assert depth_mm < 1.0
-
-
-@pytest.mark.parametrize('sensor', [bota, text])
-def test_an_axis_that_becomes_no_number_stops_the_tip(bench: Bench, sensor: Liar) -> None:
-    with sensor(bench, Lie(bench.begins, one_axis_is_no_number)) as settings:
-        trip, depth_mm = pressed(bench, settings)
-    assert trip is not None
-    assert (trip.kind, 'not a number' in trip.reason) == (SENSOR, True), trip
-    assert depth_mm < 1.0
+    with sensor(bench, Lie(bench.begins, said)) as settings:
+        must_stop(bench, settings, SENSOR, reason, 1.0)
 
 
 def test_samples_that_arrive_a_second_and_a_half_late_stop_the_tip(bench: Bench) -> None:
@@ -172,10 +182,7 @@ def test_samples_that_arrive_a_second_and_a_half_late_stop_the_tip(bench: Bench)
         return min(1.5, 0.8 * (monotonic_s() - since_s[0]))
 
     with net_ft(bench, None, delay_s=delay_s) as settings:
-        trip, depth_mm = pressed(bench, settings, silence_ms=300.0)
-    assert trip is not None
-    assert (trip.kind, 'ms old' in trip.reason) == (SENSOR, True), trip
-    assert depth_mm < 1.2
+        must_stop(bench, settings, SENSOR, 'ms old', 1.2, silence_ms=300.0)
 
 
 def test_a_sensor_that_slows_down_step_by_step_stops_the_tip(bench: Bench) -> None:
@@ -185,19 +192,13 @@ def test_a_sensor_that_slows_down_step_by_step_stops_the_tip(bench: Bench) -> No
         return 1 << max(0, min(8, math.ceil((bench.depth_mm - BEGINS_MM) / 0.1))) if bench.descending else 1
 
     with net_ft(bench, None, every=every) as settings:
-        trip, depth_mm = pressed(bench, settings, silence_ms=100.0)
-    assert trip is not None
-    assert trip.kind == SENSOR
-    assert depth_mm < 1.6
+        must_stop(bench, settings, SENSOR, '', 1.6, silence_ms=100.0)
 
 
 def test_a_threshold_that_the_box_itself_has_latched_stops_the_tip(bench: Bench) -> None:
     """Bit 16 and the summary, on sound counts: a limit of force that does not depend on this software."""
     with net_ft(bench, None, status=lambda: 0x8001_0000 if bench.begins() else 0) as settings:
-        trip, depth_mm = pressed(bench, settings)
-    assert trip is not None
-    assert (trip.kind, 'threshold' in trip.reason) == (OVERLOAD, True), trip
-    assert depth_mm < 1.0
+        must_stop(bench, settings, OVERLOAD, 'threshold', 1.0)
 
 
 def test_an_old_force_with_the_noise_of_a_sound_sensor_stops_the_tip(bench: Bench) -> None:
@@ -208,10 +209,7 @@ def test_an_old_force_with_the_noise_of_a_sound_sensor_stops_the_tip(bench: Benc
         return tuple(value + noise.gauss(0.0, 5000.0 if axis < 3 else 100.0) for axis, value in enumerate(last))
 
     with net_ft(bench, Lie(bench.begins, replayed)) as settings:
-        trip, depth_mm = pressed(bench, settings)
-    assert trip is not None
-    assert (trip.kind, 'but the gel gave' in trip.reason) == (MACHINE, True), trip
-    assert depth_mm < 1.3
+        must_stop(bench, settings, MACHINE, 'but the gel gave', 1.3)
 
 
 def test_one_axis_of_six_that_stands_still_stops_the_tip(bench: Bench) -> None:
@@ -223,7 +221,4 @@ def test_one_axis_of_six_that_stands_still_stops_the_tip(bench: Bench) -> None:
         return (*values[:2], distorted[2], *values[3:])
 
     with net_ft(bench, Changed(only_z)) as settings:
-        trip, depth_mm = pressed(bench, settings)
-    assert trip is not None
-    assert (trip.kind, 'stalled' in trip.reason) == (SENSOR, True), trip
-    assert depth_mm < 1.2
+        must_stop(bench, settings, SENSOR, 'stalled', 1.2)

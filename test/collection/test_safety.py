@@ -70,18 +70,18 @@ def test_slow_rise_does_not_trip() -> None:
     assert not trips
 
 
-@pytest.mark.parametrize('flag', [Flag.FAULT, Flag.STALLED, Flag.NOT_A_NUMBER, Flag.UNTIMED])
-def test_sample_that_says_nothing_of_now_is_never_taken_for_no_force(flag: Flag) -> None:
+@pytest.mark.parametrize(
+    ('told', 'kind'),
+    [
+        *((sample(1, flags=flag), SENSOR) for flag in (Flag.FAULT, Flag.STALLED, Flag.NOT_A_NUMBER, Flag.UNTIMED)),
+        (sample(1)._replace(wrench=(math.nan,) * 6), SENSOR),
+        *((sample(1, flags=flag), OVERLOAD) for flag in (Flag.SATURATED, Flag.THRESHOLD)),
+    ],
+)
+def test_sample_that_says_nothing_of_now_or_of_a_load_beyond_what_is_allowed_trips(told: Sample, kind: str) -> None:
     safety, trips = watching()
-    safety.sample(sample(1, flags=flag))
-    assert [trip.kind for trip in trips] == [SENSOR]
-
-
-@pytest.mark.parametrize('flag', [Flag.SATURATED, Flag.THRESHOLD])
-def test_load_beyond_what_the_sensor_or_its_box_allows_is_an_overload(flag: Flag) -> None:
-    safety, trips = watching()
-    safety.sample(sample(1, flags=flag))
-    assert [trip.kind for trip in trips] == [OVERLOAD]
+    safety.sample(told)
+    assert [trip.kind for trip in trips] == [kind]
 
 
 def test_threshold_that_the_box_has_latched_is_named_with_what_ends_it() -> None:
@@ -98,12 +98,6 @@ def test_force_that_goes_on_to_what_is_not_bearable_stops_once_more() -> None:
         safety.sample(sample(ms, fz=force))
     assert [(trip.kind, trip.stamp_ns) for trip in trips] == [(FORCE, 1 * MS), (OVERLOAD, 3 * MS)]
     assert safety.trip is trips[-1]
-
-
-def test_sample_without_any_measured_force_trips() -> None:
-    safety, trips = watching()
-    safety.sample(sample(1)._replace(wrench=(math.nan,) * 6))
-    assert [trip.kind for trip in trips] == [SENSOR]
 
 
 def test_silence_of_the_sensor_trips_after_50_ms() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 import pytest
 
@@ -22,6 +23,18 @@ PATIENCE_S = 60.0
 SAFE_Z_MM, LOW_Z_MM = -4.0, -6.0
 
 
+def nothing(_: object) -> None:
+    """Nobody is informed."""
+
+
+def near(start_mm: Place = (-3.0, -3.0, -1.0), tell: Callable[[Sample], None] = nothing) -> Station:
+    """A rig whose end switches and gel are near."""
+    world = WorldSettings(start_mm=start_mm, gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-9.0)
+    settings = CollectionSettings(limits=LimitSettings(force_silence_ms=5000.0))
+    machine = CncSettings(safe_z_mm=SAFE_Z_MM)
+    return Station(settings, machine, ForceTorqueSettings(), world, SystemClock(), tell, nothing, nothing)
+
+
 def test_a_sample_that_nobody_can_receive_after_closing_ends_the_pump_quietly() -> None:
     """On a machine without time to spare closing does not wait for the last sample, whose publisher is closed then."""
     published, closed = threading.Event(), threading.Event()
@@ -31,38 +44,12 @@ def test_a_sample_that_nobody_can_receive_after_closing_ends_the_pump_quietly() 
         closed.wait(PATIENCE_S)
         raise BusError('the publisher of /force_torque is closed')
 
-    def nothing(_: object) -> None:
-        return None
-
-    station = Station(
-        CollectionSettings(),
-        CncSettings(),
-        ForceTorqueSettings(),
-        WorldSettings(),
-        SystemClock(),
-        tell,
-        nothing,
-        nothing,
-    )
+    station = near(tell=tell)
     assert published.wait(PATIENCE_S)
     station.close()
     closed.set()
     station._pump.join(PATIENCE_S)
     assert not station._pump.is_alive()
-
-
-def near(start_mm: Place = (-3.0, -3.0, -1.0)) -> Station:
-    """A rig whose end switches and gel are near."""
-    clock = SystemClock()
-
-    def nothing(_: object) -> None:
-        return None
-
-    world = WorldSettings(start_mm=start_mm, gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-9.0)
-    settings = CollectionSettings(limits=LimitSettings(force_silence_ms=5000.0))
-    return Station(
-        settings, CncSettings(safe_z_mm=SAFE_Z_MM), ForceTorqueSettings(), world, clock, nothing, nothing, nothing
-    )
 
 
 def test_a_run_that_takes_longer_than_closing_waits_brings_its_tip_up() -> None:

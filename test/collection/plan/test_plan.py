@@ -74,19 +74,19 @@ def test_a_plan_without_entries_is_not_the_papers(text: str, tmp_path: Path) -> 
         load_plan_settings(tmp_path / 'plan.yaml')
 
 
-def test_list_of_points_is_read(tmp_path: Path) -> None:
-    (tmp_path / 'points.csv').write_text('# by hand\nx_mm,y_mm,depth_mm\n1.0, 2.0, 0.5\n-1, 0, 1\n')
-    (tmp_path / 'plan.yaml').write_text('kind: list\nfile: points.csv\n')
+@pytest.mark.parametrize(
+    ('points', 'mark', 'end'),
+    [
+        ('# by hand\nx_mm,y_mm,depth_mm\n1.0, 2.0, 0.5\n-1, 0, 1\n', b'', '\n'),
+        ('x_mm,y_mm,depth_mm\n1,2,0.5\n-1,0,1\n', codecs.BOM_UTF8, '\r\n'),
+    ],
+    ids=['by hand', 'CSV UTF-8 of Excel'],  # which begins with a byte order mark, with lines as on Windows
+)
+def test_list_of_points_is_read(tmp_path: Path, points: str, mark: bytes, end: str) -> None:
+    for name, text in (('points.csv', points), ('plan.yaml', 'kind: list\nfile: points.csv\n')):
+        (tmp_path / name).write_bytes(mark + text.replace('\n', end).encode())
     plan = make_plan(load_plan_settings(tmp_path / 'plan.yaml'))
     assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5), (-1.0, 0.0, 1.0)]
-
-
-def test_a_list_that_a_spreadsheet_has_saved_is_read(tmp_path: Path) -> None:
-    """Excel's "CSV UTF-8" begins with a byte order mark, and its lines end as on Windows."""
-    (tmp_path / 'points.csv').write_bytes(codecs.BOM_UTF8 + b'x_mm,y_mm,depth_mm\r\n1,2,0.5\r\n')
-    (tmp_path / 'plan.yaml').write_bytes(codecs.BOM_UTF8 + b'kind: list\r\nfile: points.csv\r\n')
-    plan = make_plan(load_plan_settings(tmp_path / 'plan.yaml'))
-    assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5)]
 
 
 @pytest.mark.parametrize(
@@ -95,39 +95,32 @@ def test_a_list_that_a_spreadsheet_has_saved_is_read(tmp_path: Path) -> None:
         'x_mm;y_mm;depth_mm\n1,5;-2;0,25\n',
         'x_mm\ty_mm\tdepth_mm\n1,5\t-2\t0,25\n',
         '# x, y\nx_mm;y_mm;depth_mm\n1.5;-2;0.25',
+        'x_mm,y_mm,depth_mm\n1.5,-2,0.25,,\n',  # a table beside which something was deleted
     ],
 )
-def test_a_list_with_semicolons_or_tabs_and_decimal_commas_is_read(text: str, tmp_path: Path) -> None:
+def test_a_list_is_read_as_a_spreadsheet_saves_it(text: str, tmp_path: Path) -> None:
     """As a spreadsheet saves it where the decimal separator is a comma."""
     (tmp_path / 'points.csv').write_text(text)
     assert read_points(tmp_path / 'points.csv') == [(1.5, -2.0, 0.25)]
 
 
+HEAD = 'x_mm,y_mm,depth_mm\n'
+
+
 @pytest.mark.parametrize(
-    'row', ['1,2', '1,2,-0.5', '1,2,nan', '1,2,1e308', '1,2,1\n1,2,1', '1,2,deep', '', '1,2,"' + '0.5\n' * 50_000]
+    ('text', 'reason'),
+    [
+        *((f'{HEAD}{row}\n', None) for row in ('1,2', '1,2,-0.5', '1,2,nan', '1,2,1e308', '1,2,1\n1,2,1', '1,2,deep')),
+        (f'{HEAD}\n', None),
+        (HEAD + '1,2,"' + '0.5\n' * 50_000, None),
+        # Decimal commas between commas: read column by column this is x 1, y 5, depth 2, and not x 1.5, y 2, depth 0.5.
+        (f'{HEAD}1,5,2,0,0,5\n', r'point 1 of .*points\.csv has more values than columns'),
+        ('1,2,0.5\n-1,0,1\n', 'has no x_mm, y_mm and depth_mm'),
+    ],
 )
-def test_list_that_holds_something_else_is_refused(tmp_path: Path, row: str) -> None:
-    (tmp_path / 'points.csv').write_text(f'x_mm,y_mm,depth_mm\n{row}\n')
-    with pytest.raises(ConfigurationError):
-        make_plan(PlanSettings(kind='list', file=str(tmp_path / 'points.csv')))
-
-
-def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
-    """Read column by column this is x 1, y 5, depth 2, and not x 1.5, y 2, depth 0.5."""
-    (tmp_path / 'points.csv').write_text('x_mm,y_mm,depth_mm\n1,5,2,0,0,5\n')
-    with pytest.raises(ConfigurationError, match=r'point 1 of .*points\.csv has more values than columns'):
-        read_points(tmp_path / 'points.csv')
-
-
-def test_empty_values_after_the_last_column_are_none(tmp_path: Path) -> None:
-    """As a spreadsheet saves a table beside which something was deleted."""
-    (tmp_path / 'points.csv').write_text('x_mm,y_mm,depth_mm\n1.5,2,0.5,,\n')
-    assert read_points(tmp_path / 'points.csv') == [(1.5, 2.0, 0.5)]
-
-
-def test_a_list_without_the_names_of_its_columns_is_refused(tmp_path: Path) -> None:
-    (tmp_path / 'points.csv').write_text('1,2,0.5\n-1,0,1\n')
-    with pytest.raises(ConfigurationError, match='has no x_mm, y_mm and depth_mm'):
+def test_list_that_holds_something_else_is_refused(tmp_path: Path, text: str, reason: str | None) -> None:
+    (tmp_path / 'points.csv').write_text(text)
+    with pytest.raises(ConfigurationError, match=reason):
         make_plan(PlanSettings(kind='list', file=str(tmp_path / 'points.csv')))
 
 

@@ -131,14 +131,6 @@ def test_zero_is_taken_once_a_sensor_that_paused_sends_again() -> None:
     assert action.tare.wrench[2] == 3.0
 
 
-def test_sensor_that_stays_silent_is_named_after_some_seconds() -> None:
-    taking = zero(SETTINGS)
-    next(taking)
-    with pytest.raises(DeviceFaultError, match='no valid force samples'):
-        for second in range(20):
-            taking.send(Observation(second * 1000 * MS, 0, (0.0, 0.0, 0.0)))
-
-
 def test_line_goes_low_again_when_a_window_is_rejected() -> None:
     """Else the next press raises a line that is high already, and clocks are fitted to an edge that never was."""
     window = _window(Record(Point(1, 0.0, 0.0, 1.0), 1), Ground(Surface(-30.0), -5.0, ZERO, 0.0), SETTINGS)

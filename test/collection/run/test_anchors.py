@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rehearsing import ALL, SAFE_Z_MM, TABLE, Dots, Run, changed, reject
 
+from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.readings import frame_of
 from tactile_nodes.collection.run.anchors import follows, imprint, shift_px
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
@@ -152,34 +153,21 @@ def test_what_an_interrupted_run_left_counts_when_its_last_press_comes_out_the_s
     assert sorted(first.recorded + second.recorded) == ALL
 
 
-def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_was_elsewhere(
-    tmp_path: Path, dots: Dots
-) -> None:
-    first = interrupted(tmp_path, dots, stick=True)
-    second = Run(tmp_path, SETTINGS, dots=dots)
-    second.earlier = first.published
-    second.campaign.run()
-    assert len(second.suspects) == 2
-    assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
+def cropped(record: Record) -> Record:
+    """As if somebody had cropped the images differently then: none can be compared with those of now."""
+    rest, frames = (
+        [frame_of(frame.stamp_ns, frame.image[:128, :128]) for frame in kind] for kind in (record.rest, record.frames)
+    )
+    return dataclasses.replace(record, rest=rest, frames=frames)
 
 
-def test_what_an_interrupted_run_left_is_done_again_when_the_images_have_another_size_now(
-    tmp_path: Path, dots: Dots
+@pytest.mark.parametrize('of_another_size', [False, True], ids=['its last press was elsewhere', 'other images'])
+def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_comes_out_otherwise(
+    tmp_path: Path, dots: Dots, of_another_size: bool
 ) -> None:
-    """Somebody has cropped the images differently meanwhile, so none can be compared with the recorded ones."""
-    first = interrupted(tmp_path, dots, stick=False)
-    cropped = [
-        dataclasses.replace(
-            each,
-            **{
-                kind: [frame_of(frame.stamp_ns, frame.image[:128, :128]) for frame in frames]
-                for kind, frames in (('rest', each.rest), ('frames', each.frames))
-            },
-        )
-        for each in first.published
-    ]
+    first = interrupted(tmp_path, dots, stick=not of_another_size)
     second = Run(tmp_path, SETTINGS, dots=dots)
-    second.earlier = cropped
+    second.earlier = [cropped(each) for each in first.published] if of_another_size else first.published
     second.campaign.run()
     assert len(second.suspects) == 2
     assert sorted(first.recorded[:EVERY] + second.recorded) == ALL

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -10,22 +9,9 @@ from rehearsing import SAFE_Z_MM, SETTINGS, Run, changed
 
 from tactile_nodes.drivers.cnc.simulated import SimulatedCnc
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.emulators.world import Wrench
 from tactile_nodes.errors import DeviceFaultError
 
-UNBEARABLE: Wrench = (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)  # limits.bearable_n is 5 N
 SILENT = Health(Level.ERROR, 'it is silent while it moves', silent=True)
-
-
-def steps(run: Run) -> list[str]:
-    lines = (run.journal.path.parent / 'machine.record').read_text(encoding='ascii').splitlines()
-    return [json.loads(line)['step'] for line in lines]
-
-
-def push(run: Run, seconds: float) -> None:
-    felt = run.world.wrench_at
-    run.world.wrench_at = lambda _: UNBEARABLE  # type: ignore[method-assign]
-    run.after(seconds, lambda: setattr(run.world, 'wrench_at', felt))
 
 
 @pytest.mark.parametrize('device', ['sensor', 'machine'])
@@ -46,12 +32,12 @@ def test_a_force_that_the_sensor_shows_when_it_is_back_halts_the_run(
 
     def come_back() -> None:
         run.rig.silent_sensor = False
-        push(run, 0.5)
+        run.push(0.5)
         run.after(20.0, lambda: heights.append(run.height_mm) or run.person.acknowledge())
 
     run.at(3, run.in_the_gel(begin))
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
-    assert steps(run) == ['begun', 'halted', 'acknowledged', 'ended']
+    assert run.machine_steps == ['begun', 'halted', 'acknowledged', 'ended']
     assert heights == [pytest.approx(SAFE_Z_MM, abs=0.01)]
     assert sum(' N, more than the bearable 5 N; check' in said for said in run.printed) == 1
 
@@ -61,7 +47,7 @@ def test_who_answers_while_the_force_lasts_is_asked_again(tmp_path: Path) -> Non
 
     def come_back() -> None:
         run.rig.silent_sensor = False
-        push(run, 30.0)
+        run.push(30.0)
         for after_s in (10.0, 50.0):
             run.after(after_s, run.person.acknowledge)
 
@@ -71,14 +57,14 @@ def test_who_answers_while_the_force_lasts_is_asked_again(tmp_path: Path) -> Non
 
     run.at(3, run.in_the_gel(begin))
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
-    assert steps(run) == ['begun', 'halted', 'acknowledged', 'halted', 'acknowledged', 'ended']
+    assert run.machine_steps == ['begun', 'halted', 'acknowledged', 'halted', 'acknowledged', 'ended']
 
 
 def test_a_force_before_anything_moves_halts_the_machine(tmp_path: Path) -> None:
     run = Run(tmp_path, changed())
     start = run.world.motor_at(run.rig.clock.now_ns())
-    run.after(SETTINGS.limits.steady_again_s / 2, lambda: push(run, 0.1))
+    run.after(SETTINGS.limits.steady_again_s / 2, lambda: run.push(0.1))
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
     assert run.world.motor_at(run.rig.clock.now_ns()) == start
-    assert steps(run) == ['halted']
+    assert run.machine_steps == ['halted']

@@ -75,16 +75,6 @@ def test_line_is_high_during_each_window_only(undisturbed: Undisturbed) -> None:
         assert rise.stamp_ns <= record.start_ns < record.end_ns <= fall.stamp_ns
 
 
-def test_force_above_the_limit_ends_the_press_within_one_sample_and_the_tip_goes_up(tmp_path: Path) -> None:
-    run = Run(tmp_path, changed(limits={'force_n': 0.5, 'attempts': 1, 'rejects_in_a_row': 20}))
-    run.campaign.run()
-    deep = [record for record in run.published if record.point.depth_mm == 1.5]
-    assert all('above the limit of 0.5 N' in record.reason for record in deep)
-    # 100 samples a second and 1 mm/s: a sample is 0.01 mm, braking from 1 mm/s at 200 mm/s² 0.0025 mm.
-    assert run.rig.safety.greatest_n < 0.5 + 0.05
-    assert sorted(run.recorded) == [press for press in ALL if press % 2]
-
-
 def test_presses_that_no_bag_holds_are_made_again_before_the_run_ends(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.unrecorded = {4, 7}
@@ -210,22 +200,7 @@ def test_a_press_that_was_rejected_each_time_is_not_counted_as_done(
     )
 
 
-def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
-    run = Run(tmp_path)
-    heights = []
-
-    def pause() -> None:
-        run.campaign.paused = True
-        run.after(9.0, lambda: heights.append(run.height_mm))
-        run.after(10.0, lambda: setattr(run.campaign, 'paused', False))
-
-    run.at(5, pause)
-    run.campaign.run()
-    assert heights == [pytest.approx(SAFE_Z_MM, abs=0.01)]
-    assert sorted(run.recorded) == ALL
-
-
-def test_a_run_counts_as_paused_only_while_nothing_moves(tmp_path: Path) -> None:
+def test_a_paused_run_waits_at_the_safe_height_and_counts_as_paused_only_while_nothing_moves(tmp_path: Path) -> None:
     """Who sees that the rig is paused may reach into it."""
     run = Run(tmp_path)
     places: set[tuple[float, float, float]] = set()
@@ -234,15 +209,12 @@ def test_a_run_counts_as_paused_only_while_nothing_moves(tmp_path: Path) -> None
         if run.campaign.stands:
             places.add(run.world.tip_at(run.rig.clock.now_ns()))
 
-    def pause() -> None:
-        run.campaign.paused = True
-        run.after(20.0, lambda: setattr(run.campaign, 'paused', False))
-
-    run.at(5, run.in_the_gel(pause))
+    run.at(5, run.in_the_gel(lambda: run.pause(20.0)))
     run.rig.clock.every(0.1, look)
     run.campaign.run()
-    assert len(places) == 1
+    assert [z for _, _, z in places] == [pytest.approx(SAFE_Z_MM, abs=0.01)]
     assert not run.campaign.stands
+    assert sorted(run.recorded) == ALL
 
 
 def test_a_run_that_begins_paused_moves_nothing_until_it_may_go_on(tmp_path: Path) -> None:
@@ -380,12 +352,11 @@ def test_a_sensor_that_drifts_during_a_long_pause_does_not_end_the_run(tmp_path:
     begun_ns: list[int] = []
 
     def pause() -> None:
-        run.campaign.paused = True
+        run.pause(65.0)
         begun_ns.append(run.rig.clock.now_ns())
         run.world.wrench_at = drifted  # type: ignore[method-assign]
         run.after(60.0, lambda: setattr(run.rig, 'silent_camera', True))
         run.after(61.0, lambda: setattr(run.rig, 'silent_camera', False))
-        run.after(65.0, lambda: setattr(run.campaign, 'paused', False))
 
     run.at(3, pause)
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
@@ -397,17 +368,12 @@ def test_a_bearable_force_while_the_tip_is_up_does_not_end_the_run(waiting: str,
     """Somebody leans on the tool for two seconds: 4 N, above the limit of 3 N, but bearable."""
     settings = dataclasses.replace(changed(sync={'every': 3 if waiting == 'pattern' else 0}), reference_every=3)
     run = Run(tmp_path, settings)
-    felt = run.world.wrench_at
-
-    def lean() -> None:
-        run.world.wrench_at = lambda _: (0.0, 0.0, 4.0, 0.0, 0.0, 0.0)  # type: ignore[method-assign]
-        run.after(2.0, lambda: setattr(run.world, 'wrench_at', felt))
 
     def begin() -> None:
         if waiting == 'paused':
-            run.campaign.paused = True
-            run.after(10.0, lambda: setattr(run.campaign, 'paused', False))
-        run.after({'paused': 0.6, 'rest image': 0.2, 'pattern': 1.0}[waiting], lean)
+            run.pause(10.0)
+        after_s = {'paused': 0.6, 'rest image': 0.2, 'pattern': 1.0}[waiting]
+        run.after(after_s, lambda: run.push(2.0, (0.0, 0.0, 4.0, 0.0, 0.0, 0.0)))
 
     run.at(3, begin)
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
@@ -428,13 +394,12 @@ def test_a_hand_that_stays_on_the_tool_during_a_pause_does_not_end_the_run(also:
         return lambda: setattr(run.world, 'wrench_at', lambda _: (0.0, 0.0, newton, 0.0, 0.0, 0.0))
 
     def pause() -> None:
-        run.campaign.paused = True
+        run.pause(20.0)
         for after_s, act in (
             (2.0, lean(4.0) if not also else lambda: setattr(run.rig, also, True)),
             (4.0, lean(1.0)),
             (5.0, lambda: setattr(run.rig, also, False) if also else None),
             (14.0, lambda: setattr(run.world, 'wrench_at', felt)),
-            (20.0, lambda: setattr(run.campaign, 'paused', False)),
         ):
             run.after(after_s, act)
 
@@ -449,7 +414,7 @@ def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> Non
 
     def pause() -> None:
         run.campaign.paused = True
-        run.after(5.0, lambda: setattr(run.world, 'wrench_at', lambda _: (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)))
+        run.after(5.0, lambda: run.push(3600.0))
 
     run.at(3, pause)
     with pytest.raises(DeviceFaultError, match='remain although the machine reports the tip up'):

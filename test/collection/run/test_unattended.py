@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -23,18 +22,6 @@ from tactile_nodes.errors import DeviceFaultError
 
 DEEP = [press for press in ALL if press % 2 == 0]  # 1.5 mm, which is more than 0.5 N
 SOFT = {'force_n': 0.5, 'rejects_in_a_row': 20}
-BUMP: Wrench = (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)  # more than the bearable 5 N
-
-
-def bump(run: Run, wrench: Wrench = BUMP, seconds: float = 0.05) -> Callable[[], None]:
-    """Something hits the tool."""
-
-    def hit() -> None:
-        felt = run.world.wrench_at
-        run.world.wrench_at = lambda _: wrench  # type: ignore[method-assign]
-        run.after(seconds, lambda: setattr(run.world, 'wrench_at', felt))
-
-    return hit
 
 
 def steps(run: Run) -> list[tuple[int, str]]:
@@ -42,15 +29,17 @@ def steps(run: Run) -> list[tuple[int, str]]:
     return [(entry['press'], entry['step']) for entry in map(json.loads, lines)]
 
 
-def of_the_machine(run: Run) -> list[str]:
-    lines = (run.journal.path.parent / 'machine.record').read_text(encoding='ascii').splitlines()
-    return [json.loads(line)['step'] for line in lines]
-
-
-def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_that_run(tmp_path: Path) -> None:
+def test_a_press_above_the_limit_ends_within_one_sample_and_its_point_is_put_aside_until_the_next_run(
+    tmp_path: Path,
+) -> None:
     run = Run(tmp_path, changed(limits=SOFT))
     ended = run.campaign.run()
     assert sorted(record.point.press for record in run.published) == ALL  # each once, attempts is 3
+    assert sorted(run.recorded) == [press for press in ALL if press not in DEEP]
+    deep = [record for record in run.published if record.point.press in DEEP]
+    assert all('above the limit of 0.5 N' in record.reason for record in deep)
+    # 100 samples a second and 1 mm/s: a sample is 0.01 mm, braking from 1 mm/s at 200 mm/s² 0.0025 mm.
+    assert run.rig.safety.greatest_n < 0.5 + 0.05
     assert [press for press, step in steps(run) if step == 'aside'] == [
         r.point.press for r in run.published if r.reason
     ]
@@ -59,25 +48,20 @@ def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_th
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
-def test_the_next_run_tries_what_was_put_aside(tmp_path: Path) -> None:
+@pytest.mark.parametrize('killed', [False, True], ids=['ended', 'killed just before its end'])
+def test_the_next_run_tries_what_was_put_aside_and_a_process_that_goes_on_after_a_kill_does_not(
+    tmp_path: Path, killed: bool
+) -> None:
     first = Run(tmp_path, changed(limits=SOFT))
     first.campaign.run()
     first.journal.close()
+    if killed:
+        lines = first.journal.path.read_text(encoding='ascii').splitlines(keepends=True)
+        assert '"ended"' in lines[-1]
+        first.journal.path.write_text(''.join(lines[:-1]), encoding='ascii')
     second = Run(tmp_path)
     second.campaign.run()
-    assert sorted(second.recorded) == DEEP
-
-
-def test_a_process_that_goes_on_after_a_kill_leaves_aside_what_was_put_aside(tmp_path: Path) -> None:
-    first = Run(tmp_path, changed(limits=SOFT))
-    first.campaign.run()
-    lines = first.journal.path.read_text(encoding='ascii').splitlines(keepends=True)
-    assert '"ended"' in lines[-1]
-    first.journal.path.write_text(''.join(lines[:-1]), encoding='ascii')  # as if killed just before
-    first.journal.close()
-    second = Run(tmp_path)
-    second.campaign.run()
-    assert second.published == []
+    assert sorted(second.recorded) == ([] if killed else DEEP)
 
 
 def test_what_was_hit_is_written_down_before_the_tip_goes_up(tmp_path: Path) -> None:
@@ -85,15 +69,15 @@ def test_what_was_hit_is_written_down_before_the_tip_goes_up(tmp_path: Path) -> 
     run, notes = Run(tmp_path), []
 
     def hit() -> None:
-        bump(run)()
-        run.after(0.2, lambda: notes.append((steps(run)[-2:], of_the_machine(run))))
+        run.push(0.05)
+        run.after(0.2, lambda: notes.append((steps(run)[-2:], run.machine_steps)))
         run.after(5.0, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
 
     run.at(3, run.in_the_gel(hit))
     run.campaign.run()
     assert notes == [([(3, 'started'), (3, 'aside')], ['begun', 'halted'])]
     assert [step for step in steps(run) if step[1] == 'aside'] == [(3, 'aside')]  # once
-    assert of_the_machine(run) == ['begun', 'halted', 'ended']
+    assert run.machine_steps == ['begun', 'halted', 'ended']
 
 
 def test_an_unbearable_force_that_ends_the_run_halts_the_machine_as_well(tmp_path: Path) -> None:
@@ -102,24 +86,24 @@ def test_an_unbearable_force_that_ends_the_run_halts_the_machine_as_well(tmp_pat
     retreat = run.rig.hands.retreat
 
     def up() -> None:
-        notes.append(of_the_machine(run))
+        notes.append(run.machine_steps)
         retreat()
 
     run.rig.hands.retreat = up  # type: ignore[method-assign]
-    run.after(12.0, bump(run))  # in the search for the surface
+    run.after(12.0, lambda: run.push(0.05))  # in the search for the surface
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
     assert notes == [['begun', 'halted']]  # before the tip goes up
-    assert of_the_machine(run) == ['begun', 'halted', 'ended']
+    assert run.machine_steps == ['begun', 'halted', 'ended']
 
 
 def test_an_unbearable_force_while_homing_halts_the_machine(tmp_path: Path) -> None:
     run = Run(tmp_path)
-    run.after(2.5, bump(run))
+    run.after(2.5, lambda: run.push(0.05))
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
     assert run.printed[0] == 'homing' and not run.published
-    assert of_the_machine(run) == ['begun', 'halted']
+    assert run.machine_steps == ['begun', 'halted']
 
 
 def test_an_unbearable_force_on_the_way_up_at_the_end_halts_the_machine(tmp_path: Path) -> None:
@@ -127,11 +111,11 @@ def test_an_unbearable_force_on_the_way_up_at_the_end_halts_the_machine(tmp_path
 
     def stop() -> None:
         run.rig.hands.asked_to_stop = True
-        run.after(0.1, bump(run, seconds=0.3))
+        run.after(0.1, lambda: run.push(0.3))
 
     run.at(3, run.in_the_gel(stop))
     assert 'stopped on request' in run.campaign.run()
-    assert of_the_machine(run) == ['begun', 'halted', 'ended']
+    assert run.machine_steps == ['begun', 'halted', 'ended']
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
@@ -160,7 +144,7 @@ def test_a_doubt_about_the_machine_lasts_until_a_force_says_that_nothing_touches
     with pytest.raises(DeviceFaultError):
         run.campaign.run()
     assert run.world.press_at(run.rig.clock.now_ns()).depth_mm > 0.3
-    assert 'ended' not in of_the_machine(run)
+    assert 'ended' not in run.machine_steps
     assert any('the tip may not be up' in said for said in run.printed)
 
 
@@ -173,7 +157,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
             places.append(run.world.motor_at(run.rig.clock.now_ns()))
 
     def hit() -> None:
-        bump(run)()
+        run.push(0.05)
         run.after(15.0, run.person.acknowledge)
 
     run.at(3, run.in_the_gel(hit))
@@ -185,7 +169,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
     assert 'check machine, tip and gel' in question
     assert len(places) > 13 and len(set(places)) == 1
     assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
-    assert of_the_machine(run) == ['begun', 'halted', 'acknowledged', 'ended']
+    assert run.machine_steps == ['begun', 'halted', 'acknowledged', 'ended']
     assert len(run.recorded) == 7  # one is aside
 
 
@@ -199,7 +183,7 @@ def test_a_person_who_answers_much_later_finds_a_sensor_that_has_drifted(tmp_pat
         return (fx, fy, fz + 0.2, *torque)  # type: ignore[return-value]
 
     def hit() -> None:
-        bump(run)()
+        run.push(0.05)
         run.after(20.0, lambda: setattr(run.world, 'wrench_at', drifted))
         run.after(40.0, run.person.acknowledge)
 
@@ -209,7 +193,7 @@ def test_a_person_who_answers_much_later_finds_a_sensor_that_has_drifted(tmp_pat
 
 def test_a_run_that_was_halted_and_stopped_is_asked_about_again_whatever_was_said(tmp_path: Path) -> None:
     first = Run(tmp_path)
-    first.at(3, first.in_the_gel(bump(first)))
+    first.at(3, first.in_the_gel(lambda: first.push(0.05)))
     first.at(4, lambda: first.after(5.0, lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
     assert 'stopped on request' in first.campaign.run()
     first.journal.close()
@@ -258,15 +242,11 @@ def test_the_hours_of_a_run_do_not_count_while_it_waits_for_a_person(tmp_path: P
     """Paused for 150 s and halted for 150 s, with 108 s for the presses, which take less."""
     run = Run(tmp_path, changed(limits={'hours': 0.03}))
 
-    def pause() -> None:
-        run.campaign.paused = True
-        run.after(150.0, lambda: setattr(run.campaign, 'paused', False))
-
     def hit() -> None:
-        bump(run)()
+        run.push(0.05)
         run.after(150.0, run.person.acknowledge)
 
-    run.at(2, pause)
+    run.at(2, lambda: run.pause(150.0))
     run.at(4, run.in_the_gel(hit))
     assert ': 7 of 8 presses recorded' in run.campaign.run()  # one is aside
 
@@ -328,13 +308,13 @@ def test_a_run_that_was_stopped_with_the_tip_in_the_gel_did_not_end_well(tmp_pat
     run.at(3, run.in_the_gel(stop))
     with pytest.raises(DeviceFaultError, match=r'the tip may not be up: .* N remain .*; nothing lifts it'):
         run.campaign.run()
-    assert 'ended' not in of_the_machine(run)
+    assert 'ended' not in run.machine_steps
     assert run.machine.question(unasked=False)
 
 
 def test_torque_is_limited_where_nobody_set_a_limit(tmp_path: Path) -> None:
     run = Run(tmp_path)
-    run.at(3, run.in_the_gel(bump(run, (0.0, 0.0, 0.2, 0.25, 0.0, 0.0))))
+    run.at(3, run.in_the_gel(lambda: run.push(0.05, (0.0, 0.0, 0.2, 0.25, 0.0, 0.0))))
     run.campaign.run()
     # 3 N across the end of a tool of 60 mm.
     assert run.published[3].reason == 'the torque is 0.250 N m, above the limit of 0.18 N m'
