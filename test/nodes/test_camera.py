@@ -12,13 +12,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from feeding import PATTERN, START_NS
+from feeding import PATTERN, START_NS, given
 from jumping_clock import JumpingClock
 from stream_server import plugged_in
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.bus.protocol import Qos, Received
@@ -34,10 +33,8 @@ PATIENCE_S = 15.0
 
 
 @pytest.fixture
-def bus() -> Iterator[InProcessBus]:
-    made = InProcessBus(SystemClock())
-    yield made
-    made.close()
+def clock() -> SystemClock:
+    return SystemClock()
 
 
 @pytest.fixture
@@ -45,8 +42,7 @@ def start(bus: InProcessBus) -> Iterator[Callable[..., CameraNode]]:
     nodes = []
 
     def make(*parameters: str) -> CameraNode:
-        words = [word for each in parameters for word in ('-p', each)]
-        nodes.append(CameraNode(bus, parse_arguments(['--ros-args', *words])))
+        nodes.append(CameraNode(bus, given(*parameters)))
         return nodes[-1]
 
     yield make
@@ -93,14 +89,18 @@ def test_simulated_camera_gives_cropped_grey_images_and_the_truth_of_each(
     assert truth.total == 0.0  # nothing presses in the first second
 
 
-def test_pictures_of_a_described_sensor_are_cut_and_reported_as_it_says(
-    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
-) -> None:
-    described = tmp_path / 'mine.yaml'
-    described.write_text(
+@pytest.fixture
+def described(tmp_path: Path) -> Path:
+    (tmp_path / 'mine.yaml').write_text(
         'image: {width: 64, height: 48, crop: 60, crop_height: 44}\n'
         'camera: {model: pinhole, focal_px: [50.0, 51.0], centre_px: [31.5, 23.5]}\n'
     )
+    return tmp_path / 'mine.yaml'
+
+
+def test_pictures_of_a_described_sensor_are_cut_and_reported_as_it_says(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path, described: Path
+) -> None:
     source = tmp_path / 'picture.png'
     cv2.imwrite(str(source), PATTERN[:48, :64])
     images, infos = listen(bus, topics.IMAGE), listen(bus, topics.CAMERA_INFO)
@@ -113,40 +113,37 @@ def test_pictures_of_a_described_sensor_are_cut_and_reported_as_it_says(
     assert info.p.reshape(3, 4)[:, :3].ravel().tolist() == info.k.tolist()
 
 
-def test_pictures_of_another_size_than_described_are_refused(bus: InProcessBus, tmp_path: Path) -> None:
+def test_pictures_of_another_size_than_described_are_refused(
+    start: Callable[..., CameraNode], tmp_path: Path, described: Path
+) -> None:
     """The middle of a picture twice as large shows a quarter of what the description says."""
-    described, source = tmp_path / 'mine.yaml', tmp_path / 'picture.png'
-    described.write_text(
-        'image: {width: 64, height: 48, crop: 60, crop_height: 44}\n'
-        'camera: {model: pinhole, focal_px: [50.0, 51.0], centre_px: [31.5, 23.5]}\n'
-    )
+    source = tmp_path / 'picture.png'
     cv2.imwrite(str(source), PATTERN[:96, :128])
     with pytest.raises(ImageError, match=r'gives pictures of 128x96, but image of .*mine.yaml says 64x48; set the'):
-        CameraNode(bus, parse_arguments(['--ros-args', '-p', f'source:={source}', '-p', f'sensor:={described}']))
+        start(f'source:={source}', f'sensor:={described}')
 
 
-def test_with_simulated_time_pictures_keep_the_stamp_of_the_host(
-    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
-) -> None:
-    for number in range(3):
-        cv2.imwrite(str(tmp_path / f'{number}.png'), PATTERN)
+LIGHT_OUTSIDE = 'light.x:=200', 'light.y:=10', 'light.width:=20', 'light.height:=20'
+
+
+@pytest.mark.parametrize(
+    ('picture', 'parameters', 'side', 'warning'),
+    [
+        pytest.param(np.tile(PATTERN, (2, 2))[:240], (), 240, 'too small for a crop of 440', id='too small'),
+        pytest.param(PATTERN, ('crop:=160', *LIGHT_OUTSIDE), 160, 'outside the image of 160x160', id='no light'),
+        pytest.param(np.zeros((440, 440), np.uint8), (), 440, 'black', id='black'),
+    ],
+)
+def test_a_picture_that_is_not_as_it_should_be_is_reported(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path, picture: np.ndarray,
+    parameters: tuple[str, ...], side: int, warning: str,
+) -> None:  # fmt: skip
+    cv2.imwrite(str(tmp_path / '0.png'), picture)
     images = listen(bus, topics.IMAGE)
-    begun_ns = bus.clock.now_ns()
-    start(f'source:={tmp_path}', 'use_sim_time:=true')  # and no /clock
-    stamps_ns = [stamp_ns(first(images).message.header.stamp) for _ in range(3)]
-    assert begun_ns <= stamps_ns[0] < stamps_ns[1] < stamps_ns[2] <= bus.clock.now_ns()
-
-
-def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
-    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
-) -> None:
-    cv2.imwrite(str(tmp_path / '0.png'), np.tile(PATTERN, (2, 2))[:240])  # 320x240
-    images = listen(bus, topics.IMAGE)
-    node = start(f'source:={tmp_path}')
-    assert first(images).message.width == 240
-    level, text = picture_status(node)
+    level, text = picture_status(start(f'source:={tmp_path}', *parameters))
     assert level == Level.WARN
-    assert 'too small for a crop of 440' in text
+    assert warning in text
+    assert first(images).message.width == side
 
 
 def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNode]) -> None:
@@ -171,7 +168,7 @@ def test_a_camera_that_has_ended_is_in_nobodys_way(bus: InProcessBus, start: Cal
 def test_camera_that_is_asked_to_end_while_it_waits_waits_no_longer(
     bus: InProcessBus, tmp_path: Path, waits: str
 ) -> None:
-    arguments = parse_arguments(['--ros-args', '-p', waits, '-p', f'source:={tmp_path}/none'])
+    arguments = given(waits, f'source:={tmp_path}/none')
     arguments.ending.set()
     with pytest.raises(AskedToEndError):
         CameraNode(bus, arguments)
@@ -208,7 +205,7 @@ def test_a_contact_that_is_solved_says_how_far_it_is_and_may_be_given_up(
     monkeypatch.setattr(touch_tables, 'CELLS', 48)
     monkeypatch.setattr(touch_tables, 'CELL_MM', 0.8)
     logged = listen(bus, topics.ROSOUT)
-    arguments = parse_arguments(['--ros-args', '-p', 'scene.contact:=ball'])
+    arguments = given('scene.contact:=ball')
     arguments.ending.set()
     with pytest.raises(AskedToEndError):
         CameraNode(bus, arguments)
@@ -233,8 +230,8 @@ def test_camera_that_comes_a_little_later_is_waited_for(
             source.mkdir(exist_ok=True)  # while the node waits
             cv2.imwrite(str(source / '1.png'), PATTERN)
 
-    words = ['--ros-args', '-p', f'source:={source}', '-p', 'crop:=160', '-p', 'open_within_s:=30.0']
-    node = CameraNode(bus, parse_arguments(words), Later())
+    words = given(f'source:={source}', 'crop:=160', 'open_within_s:=30.0')
+    node = CameraNode(bus, words, Later())
     assert first(images).message.width == 160
     node.close()
 
@@ -243,10 +240,12 @@ def test_simulated_time_stamps_no_images_and_holds_up_no_camera(
     bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
 ) -> None:
     """A file of parameters may set it for all nodes, also before anything publishes /clock."""
-    cv2.imwrite(str(tmp_path / '1.png'), PATTERN)
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f'{number}.png'), PATTERN)
     images, begun_ns = listen(bus, topics.IMAGE), bus.clock.now_ns()
     start('use_sim_time:=true', f'source:={tmp_path}', 'wait_for:=flow_features', 'wait_s:=0.1', 'crop:=160')
-    assert begun_ns < stamp_ns(first(images).message.header.stamp) <= bus.clock.now_ns()
+    stamps_ns = [stamp_ns(first(images).message.header.stamp) for _ in range(3)]
+    assert begun_ns <= stamps_ns[0] < stamps_ns[1] < stamps_ns[2] <= bus.clock.now_ns()
 
 
 def test_picture_of_another_size_than_asked_names_both(start: Callable[..., CameraNode], tmp_path: Path) -> None:
@@ -264,21 +263,6 @@ def test_a_folder_of_pictures_of_two_sizes_is_not_played_again(
     node = start(f'source:={tmp_path}', 'fps:=100.0')
     assert run_until([node], threading.Event()) == NOT_AGAIN
     assert 'put each size into its own folder' in str(node.failure)
-
-
-def test_a_light_outside_the_picture_is_reported(start: Callable[..., CameraNode], tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
-    region = 'light.x:=200', 'light.y:=10', 'light.width:=20', 'light.height:=20'
-    level, text = picture_status(start(f'source:={tmp_path}', 'crop:=160', *region))
-    assert level == Level.WARN
-    assert 'outside the image of 160x160' in text
-
-
-def test_black_pictures_are_reported(start: Callable[..., CameraNode], tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / '0.png'), np.zeros((440, 440), np.uint8))
-    level, text = picture_status(start(f'source:={tmp_path}'))
-    assert level == Level.WARN
-    assert 'black' in text
 
 
 def test_camera_that_is_unplugged_is_reported_and_comes_back_by_itself(
@@ -334,8 +318,8 @@ def test_a_source_waits_for_the_node_that_it_is_reported_to_wait_for(
                 bus.subscribe('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/flow_features', lambda: None)
             waited.append(True)
 
-    words = ['--ros-args', '-p', f'source:={tmp_path}', '-p', 'wait_for:=flow_features', '-p', 'wait_s:=10.0']
-    CameraNode(bus, parse_arguments(words), Later()).close()
+    words = given(f'source:={tmp_path}', 'wait_for:=flow_features', 'wait_s:=10.0')
+    CameraNode(bus, words, Later()).close()
     assert waited
     somebody.close()
 
@@ -355,8 +339,8 @@ def test_a_source_waits_longer_where_nodes_start_late(
                 listeners.append(bus.subscribe('/image_raw', topics.IMAGE.type_name, Qos('queue', 9), '/flow_features'))
 
     logs = listen(bus, topics.ROSOUT)
-    words = ['--ros-args', '-p', f'source:={tmp_path}', '-p', 'wait_for:=flow_features', '-p', 'wait_s:=10.0']
-    CameraNode(bus, parse_arguments(words), Later(START_NS)).close()
+    words = given(f'source:={tmp_path}', 'wait_for:=flow_features', 'wait_s:=10.0')
+    CameraNode(bus, words, Later(START_NS)).close()
     assert listeners
     while (received := logs.take()) is not None:
         assert 'did not subscribe' not in received.message.msg

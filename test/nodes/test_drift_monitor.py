@@ -9,12 +9,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from feeding import START_NS, image, run
+from feeding import START_NS, given, image, run, taken
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.keeping import VARIABLE
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
@@ -49,10 +48,9 @@ class Bench:
     def __init__(
         self, bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, *parameters: str
     ) -> None:
-        words = [word for each in parameters for word in ('-p', each)]
         self.bus, self._publisher = bus, publisher
         self.states = listen(topics.CALIBRATION_STATE)
-        self.node = DriftMonitorNode(bus, parse_arguments(['--ros-args', *words]), clock)
+        self.node = DriftMonitorNode(bus, given(*parameters), clock)
         self._publishers: dict[str, Publisher] = {}
 
     def say(self, topic: Topic, message: Any) -> None:
@@ -74,11 +72,15 @@ class Bench:
     def rest(self, pixels: np.ndarray) -> None:
         self.say(topics.REFERENCE_IMAGE, image(pixels))
 
+    def weigh(self, read_n: float) -> str:
+        """So much is read for three seconds, and is compared with the weight then."""
+        for number in range(180):
+            head = conversions.header(START_NS + number * S // 60, 'gel_surface')
+            self.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=read_n, in_contact=True))
+        return self.node._check_weight()
+
     def published(self) -> list[types.CalibrationState]:
-        found = []
-        while (received := self.states.take()) is not None:
-            found.append(received.message)
-        return found
+        return taken(self.states)
 
 
 @pytest.fixture
@@ -214,10 +216,7 @@ def test_after_a_rest_image_that_cannot_be_judged_the_verdict_on_the_one_before_
 def test_a_weight_on_the_gel_is_compared_when_asked(bench: Callable[..., Bench]) -> None:
     tested = bench('weight_g:=100.0')
     tested.rest(REST)
-    for number in range(180):
-        head = conversions.header(START_NS + number * S // 60, 'gel_surface')
-        tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.9, in_contact=True))
-    assert 'reads 0.900 N of 0.981 N' in tested.node._check_weight()
+    assert 'reads 0.900 N of 0.981 N' in tested.weigh(0.9)
     tested.pictures(REST, seconds=1, begin_s=4)
     state = tested.published()[-1]
     assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_FORCE_RATIO)
@@ -230,9 +229,7 @@ def test_a_weight_is_not_compared_with_forces_that_ceased_to_come(
     """The estimator died while 100 g lay on the gel; 200 g lie there now."""
     tested = bench('weight_g:=200.0')
     tested.rest(REST)
-    for number in range(180):
-        head = conversions.header(START_NS + number * S // 60, 'gel_surface')
-        tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.98, in_contact=True))
+    tested.weigh(0.98)
     clock.advance(30.0)
     with pytest.raises(ConfigurationError, match='the last force came 30 s ago'):
         tested.node._check_weight()
@@ -273,14 +270,6 @@ def test_an_independent_sensor_of_which_nothing_comes_is_reported(bench: Callabl
     assert told() == (1, 'no message on /wrist_force')
 
 
-def weighed(tested: Bench) -> None:
-    """0.9 N are read of 100 g."""
-    for number in range(180):
-        head = conversions.header(START_NS + number * S // 60, 'gel_surface')
-        tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.9, in_contact=True))
-    tested.node._check_weight()
-
-
 @pytest.fixture
 def again(
     bench: Callable[..., Bench], bus: InProcessBus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -302,7 +291,7 @@ def test_a_monitor_that_was_killed_goes_on_with_the_evidence(again: Callable[[],
     tested = again()
     tested.model(REST)
     tested.rest(REST)
-    weighed(tested)
+    tested.weigh(0.9)
     tested.pictures(KNOCKED)
     before = tested.published()[-1]
     assert before.reasons == STATE.REASON_PICTURE_MOVED | STATE.REASON_FORCE_RATIO
@@ -326,7 +315,7 @@ def test_evidence_against_another_model_or_rest_image_does_not_count_after_a_res
         tested = again()
         tested.model(REST)
         tested.rest(REST)
-        weighed(tested)
+        tested.weigh(0.9)
         tested.pictures(REST, seconds=1)
         assert tested.published()[-1].reasons == STATE.REASON_FORCE_RATIO
         tested = again()

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from feeding import PATTERN, START_NS, image, run
+from feeding import PATTERN, START_NS, image, run, taken
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -25,42 +25,81 @@ from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 from tactile_nodes.sensing.rest.reference import content_id
 
-Listen = Callable[[Topic], Subscription]
 FORCE = types.ForceDistribution
-Advertise = Callable[[Topic], Publisher]
-SMALL: list[str] = []
+NO_MEASURE = FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE
+MOVED = np.roll(PATTERN, 2, axis=1)
+TOPIC = 'reference:=topic'
 
 
-@pytest.fixture(autouse=True)
-def _small(patches_model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules[__name__], 'SMALL', [f'model:={patches_model}', 'reference_frames:=1'])
+class Bench:
+    """The node between its camera and everybody who listens."""
+
+    def __init__(
+        self,
+        bus: InProcessBus,
+        clock: SteppedClock,
+        listen: Callable[[Topic], Subscription],
+        publisher: Callable[[Topic], Publisher],
+        *words: str,
+    ) -> None:
+        self._features, self._rests, self._logs = (
+            listen(topic) for topic in (topics.FLOW_FEATURES, topics.REFERENCE_IMAGE, topics.ROSOUT)
+        )
+        self._publisher = publisher
+        self.camera = publisher(topics.IMAGE)
+        self.node = FlowFeaturesNode(bus, parse_arguments(['--ros-args', *words]), clock)
+
+    def show(self, *pictures: np.ndarray, begin_ns: int = START_NS) -> None:
+        for number, pixels in enumerate(pictures):
+            self.camera.publish(image(pixels, begin_ns + number))
+            run(self.node)
+
+    def rest(self, pixels: np.ndarray, stamp_ns: int = START_NS) -> None:
+        """Another node tells it the rest image."""
+        self._publisher(topics.REFERENCE_IMAGE).publish(image(pixels, stamp_ns))
+        run(self.node)
+
+    def features(self) -> list[Any]:
+        return taken(self._features)
+
+    def measured(self) -> list[Any]:
+        """What came, but for frames of which nothing could be measured."""
+        return [each for each in self.features() if not each.reasons & NO_MEASURE]
+
+    def rests(self) -> list[np.ndarray]:
+        return [conversions.image_array(each) for each in taken(self._rests)]
+
+    def log(self) -> list[str]:
+        return [each.msg for each in taken(self._logs)]
+
+    def status(self, name: str) -> Any:
+        (found,) = (each for each in self.node.diagnostics.message(0).status if each.name == f'flow_features: {name}')
+        return found
 
 
-def node(bus: InProcessBus, clock: SteppedClock, *parameters: str) -> FlowFeaturesNode:
-    words = [word for each in (*SMALL, *parameters) for word in ('-p', each)]
-    return FlowFeaturesNode(bus, parse_arguments(['--ros-args', *words]), clock)
+@pytest.fixture
+def words(patches_model: Path) -> Callable[..., list[str]]:
+    """The words of a program of a small model, which takes one picture as its rest image."""
+    given = f'model:={patches_model}', 'reference_frames:=1'
+    return lambda *parameters: [word for each in (*given, *parameters) for word in ('-p', each)]
 
 
-def measured(features: Subscription) -> list[types.FlowFeatures]:
-    """What came, but for frames of which nothing could be measured."""
-    found = []
-    while (received := features.take()) is not None:
-        if not received.message.reasons & (FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE):
-            found.append(received.message)
-    return found
+@pytest.fixture
+def bench(
+    bus: InProcessBus,
+    clock: SteppedClock,
+    listen: Callable[[Topic], Subscription],
+    publisher: Callable[[Topic], Publisher],
+    words: Callable[..., list[str]],
+) -> Callable[..., Bench]:
+    return lambda *parameters: Bench(bus, clock, listen, publisher, *words(*parameters))
 
 
-def test_features_carry_the_stamp_of_their_image(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
-    tested = node(bus, clock, 'registration.check:=false')
-    camera.publish(image(PATTERN))
-    run(tested)
-    camera.publish(image(np.roll(PATTERN, 2, axis=1), START_NS + 7))
-    run(tested)
-    (message,) = measured(features)  # the first frame became the rest image
-    assert stamp_ns(message.header.stamp) == START_NS + 7
+def test_features_carry_the_stamp_of_their_image(bench: Callable[..., Bench]) -> None:
+    tested = bench('registration.check:=false')
+    tested.show(PATTERN, MOVED)
+    (message,) = tested.measured()  # the first frame became the rest image
+    assert stamp_ns(message.header.stamp) == START_NS + 1
     assert (message.rows, message.cols, message.channels, message.image_width) == (4, 4, 2, 160)
     # The picture went 2 px to the right; DIS reads whole motions of this size to a tenth.
     assert np.median(message.values.reshape(4, 4, 2)[..., 0]) == pytest.approx(2.0, abs=0.1)
@@ -69,36 +108,33 @@ def test_features_carry_the_stamp_of_their_image(
 
 @pytest.mark.parametrize(('hz', 'step'), [(600, 10), (120, 2), (60, 1), (70, 1)])
 def test_of_a_faster_camera_the_first_picture_of_each_frame_interval_is_answered(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, hz: int, step: int
+    bench: Callable[..., Bench], hz: int, step: int
 ) -> None:
     """Also in a replay that begins with another picture. Of a camera that is hardly faster, all are answered."""
-    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
     stamps = [START_NS + 10**6 + number * 10**9 // hz for number in range(41)]
     for begin in (0, 1):
-        tested, answered = node(bus, clock, 'most_hz:=60.0'), []
+        tested = bench('most_hz:=60.0')
         for each in stamps[begin:]:
-            camera.publish(image(PATTERN, each))
-            run(tested)
-            while (received := features.take()) is not None:
-                answered.append(stamp_ns(received.message.header.stamp))
+            tested.show(PATTERN, begin_ns=each)
+        answered = [stamp_ns(each.header.stamp) for each in tested.features()]
         assert answered[0] == stamps[begin]
         assert answered[1:] == [each for each in stamps[::step] if each > stamps[begin]]
-        tested.close()
+        tested.node.close()
 
 
 def test_a_camera_from_which_no_picture_comes_any_more_is_reported_and_when_it_is_back(
-    bus: InProcessBus, clock: SteppedClock, publisher: Advertise
+    bench: Callable[..., Bench], clock: SteppedClock
 ) -> None:
     """Its process hangs, say, and reports nothing itself. One that brings a picture every five seconds does not."""
-    camera, tested = publisher(topics.IMAGE), node(bus, clock)
+    tested = bench()
 
     def status(after_s: float, *, comes: bool = False) -> tuple[Level, str]:
         clock.advance(after_s)
         if comes:
-            camera.publish(image(PATTERN, clock.now_ns()))
-        run(tested)
-        tested._check_pictures()  # as each second
-        found = next(each for each in tested.diagnostics.message(0).status if each.name.endswith('pictures'))
+            tested.show(PATTERN, begin_ns=clock.now_ns())
+        run(tested.node)
+        tested.node._check_pictures()  # as each second
+        found = tested.status('pictures')
         return Level(found.level), found.message
 
     assert status(0.0, comes=True)[0] is Level.OK
@@ -116,36 +152,30 @@ WHOLE = np.random.default_rng(6).integers(20, 200, (480, 640), dtype=np.uint8)
 
 @pytest.mark.parametrize(('crop', 'side'), [(0, 160), (400, 400)])  # 0: that of the model
 def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_that_is_reported_once(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, crop: int, side: int
+    bench: Callable[..., Bench], crop: int, side: int
 ) -> None:
-    features, references, logs = listen(topics.FLOW_FEATURES), listen(topics.REFERENCE_IMAGE), listen(topics.ROSOUT)
-    camera, tested = publisher(topics.IMAGE), node(bus, clock, f'crop:={crop}')
-    coloured = np.repeat(WHOLE[..., None], 3, axis=2).tobytes()
+    tested = bench(f'crop:={crop}')
+    data = np.repeat(WHOLE[..., None], 3, axis=2).ravel()
     for number in range(3):
         head = conversions.header(START_NS + number, 'usb_cam')
-        data = np.frombuffer(coloured, np.uint8)
-        camera.publish(types.Image(header=head, width=640, height=480, encoding='rgb8', step=1920, data=data))
-        run(tested)
-    assert {(each.image_width, each.image_height) for each in measured(features)} == {(side, side)}
-    received = references.take()
-    assert received is not None
+        tested.camera.publish(types.Image(header=head, width=640, height=480, encoding='rgb8', step=1920, data=data))
+        run(tested.node)
+    assert {(each.image_width, each.image_height) for each in tested.measured()} == {(side, side)}
+    (rest,) = tested.rests()
     rows, columns = slice(240 - side // 2, 240 + side // 2), slice(320 - side // 2, 320 + side // 2)
-    np.testing.assert_array_equal(conversions.image_array(received.message), WHOLE[rows, columns])
-    lines = [line for line in logged(logs) if 'image_raw' in line]
+    np.testing.assert_array_equal(rest, WHOLE[rows, columns])
+    lines = [line for line in tested.log() if 'image_raw' in line]
     assert lines == [f'/image_raw has 640x480 rgb8: the central {side}x{side} are used (parameter crop)']
 
 
-def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    logs, camera, tested = listen(topics.ROSOUT), publisher(topics.IMAGE), node(bus, clock)
-    camera.publish(image(WHOLE[:, :480]))
-    run(tested)
-    assert '/image_raw has 480x480 mono8: used whole' in logged(logs)
+def test_pictures_that_our_camera_node_has_cut_are_measured_whole(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.show(WHOLE[:, :480])
+    assert '/image_raw has 480x480 mono8: used whole' in tested.log()
 
 
 @pytest.mark.parametrize(
-    ('size', 'taken', 'told'),
+    ('size', 'used', 'told'),
     [
         ((160, 200), (160, 120), 'the central 120x160 are used (parameter sensor)'),
         ((160, 120), (160, 120), 'used whole'),
@@ -154,41 +184,24 @@ def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
     ],
 )
 def test_with_a_description_only_pictures_of_its_size_are_cropped(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, tmp_path: Path,
-    size: tuple[int, int], taken: tuple[int, int], told: str,
-) -> None:  # fmt: skip
+    bench: Callable[..., Bench], tmp_path: Path, size: tuple[int, int], used: tuple[int, int], told: str
+) -> None:
     """The middle of a picture of another size would show another part of the gel, and give wrong forces."""
     described = tmp_path / 'mine.yaml'
     described.write_text(
         'image: {width: 200, height: 160, crop: 120, crop_height: 160}\ncamera: {centre_px: [99.5, 79.5]}\n'
     )
-    references, logs, camera = listen(topics.REFERENCE_IMAGE), listen(topics.ROSOUT), publisher(topics.IMAGE)
-    tested = node(bus, clock, f'sensor:={described}')
-    camera.publish(image(WHOLE[: size[0], : size[1]]))
-    run(tested)
-    received = references.take()
-    assert received is not None
-    assert (received.message.height, received.message.width) == taken
+    tested = bench(f'sensor:={described}')
     height, width = size
-    assert f'/image_raw has {width}x{height} mono8: {told.format(described)}' in logged(logs)
+    tested.show(WHOLE[:height, :width])
+    assert [rest.shape for rest in tested.rests()] == [used]
+    assert f'/image_raw has {width}x{height} mono8: {told.format(described)}' in tested.log()
 
 
-def logged(logs: Subscription) -> list[str]:
-    """The lines of the log that came since."""
-    found = []
-    while (received := logs.take()) is not None:
-        found.append(received.message.msg)
-    return found
-
-
-def test_a_knocked_camera_is_no_motion_and_is_reported(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
-    for number, pixels in enumerate((PATTERN, *[np.roll(PATTERN, 2, axis=1)] * 4)):
-        camera.publish(image(pixels, START_NS + number))
-        run(tested)
-    first, *_, message = measured(features)
+def test_a_knocked_camera_is_no_motion_and_is_reported(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.show(PATTERN, *[MOVED] * 4)
+    first, *_, message = tested.measured()
     assert message.moved == pytest.approx(2.0, abs=0.05)
     assert message.picture_motion[:2] == pytest.approx([2.0, 0.0], abs=0.05)
     assert np.abs(np.median(message.values.reshape(4, 4, 2), axis=(0, 1))).max() < 0.05
@@ -196,248 +209,163 @@ def test_a_knocked_camera_is_no_motion_and_is_reported(
     assert (first.reasons, message.reasons) == (FORCE.REASON_FOREIGN_MOTION, 0)
 
 
-def test_frames_before_there_is_a_rest_image_say_so(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
-    camera.publish(image(PATTERN))
-    run(tested)
-    received = features.take()
-    assert received is not None
-    assert received.message.reasons == FORCE.REASON_NO_REFERENCE
-    assert not received.message.confidence.any()
+def test_frames_before_there_is_a_rest_image_say_so(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.show(PATTERN)
+    (message,) = tested.features()
+    assert message.reasons == FORCE.REASON_NO_REFERENCE
+    assert not message.confidence.any()
 
 
-def test_rest_image_is_announced_to_those_who_come_later(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    camera, tested = publisher(topics.IMAGE), node(bus, clock)
-    camera.publish(image(PATTERN))
-    run(tested)
-    received = listen(topics.REFERENCE_IMAGE).take()
-    assert received is not None
-    assert (received.message.data == PATTERN.reshape(-1)).all()
+def test_dark_frames_at_the_start_do_not_become_the_rest_image(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.show(*[np.zeros_like(PATTERN)] * 3)
+    assert tested.rests() == []
+    assert 'black' in tested.status('rest image').message
+    tested.show(PATTERN)
+    assert len(tested.rests()) == 1
 
 
-def test_dark_frames_at_the_start_do_not_become_the_rest_image(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    reference, camera, tested = listen(topics.REFERENCE_IMAGE), publisher(topics.IMAGE), node(bus, clock)
-    for _ in range(3):
-        camera.publish(image(np.zeros_like(PATTERN)))
-        run(tested)
-    assert reference.take() is None
-    (status,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
-    assert 'black' in status.message
-    camera.publish(image(PATTERN))
-    run(tested)
-    assert reference.take() is not None
-
-
-def test_a_rest_image_of_a_picture_that_never_rests_is_reported_with_what_to_do(
-    bus: InProcessBus, clock: SteppedClock, publisher: Advertise
-) -> None:
-    camera, tested = publisher(topics.IMAGE), node(bus, clock, 'reference_frames:=2')
-    for number in range(9):  # four times two frames, and one
-        camera.publish(image(np.roll(PATTERN, number % 2, axis=1)))
-        run(tested)
-    (status,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
+def test_a_rest_image_of_a_picture_that_never_rests_is_reported_with_what_to_do(bench: Callable[..., Bench]) -> None:
+    tested = bench('reference_frames:=2')
+    tested.show(*[np.roll(PATTERN, number % 2, axis=1) for number in range(9)])  # four times two frames, and one
+    status = tested.status('rest image')
     assert status.level == Level.WARN
     assert 'but the picture never was still: do not touch the gel, then call capture_reference' in status.message
 
 
-def test_rest_image_is_captured_again_on_request(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+def test_a_rest_image_that_is_captured_again_is_announced_also_to_those_who_come_later(
+    bench: Callable[..., Bench], listen: Callable[[Topic], Subscription]
 ) -> None:
-    reference, camera, tested = listen(topics.REFERENCE_IMAGE), publisher(topics.IMAGE), node(bus, clock)
-    camera.publish(image(PATTERN))
-    run(tested)
-    tested._capture_again()
-    camera.publish(image(PATTERN[::-1].copy()))
-    run(tested)
-    first, second = reference.take(), reference.take()
-    assert first is not None
-    assert second is not None
-    assert (second.message.data == PATTERN[::-1].reshape(-1)).all()
+    tested, upside_down = bench(), PATTERN[::-1].copy()
+    tested.show(PATTERN)
+    tested.node._capture_again()
+    tested.show(upside_down)
+    first, second = tested.rests()
+    np.testing.assert_array_equal(first, PATTERN)
+    np.testing.assert_array_equal(second, upside_down)
+    (latched,) = taken(listen(topics.REFERENCE_IMAGE))
+    np.testing.assert_array_equal(conversions.image_array(latched), upside_down)
 
 
-def test_rest_image_comes_from_a_file(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, tmp_path: Path
-) -> None:
-    file = tmp_path / 'rest.png'
-    cv2.imwrite(str(file), PATTERN)
-    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
-    tested = node(bus, clock, 'reference:=file', f'reference_file:={file}')
-    camera.publish(image(PATTERN))
-    run(tested)
-    assert features.take() is not None
-
-
-def test_rest_image_from_a_file_is_cropped_as_pictures_are(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, tmp_path: Path
+def test_rest_image_comes_from_a_file_and_is_cropped_as_pictures_are(
+    bench: Callable[..., Bench], tmp_path: Path
 ) -> None:
     whole, file = np.pad(PATTERN, ((20, 20), (100, 100)), mode='reflect'), tmp_path / 'rest.png'
     cv2.imwrite(str(file), whole)
-    reference = listen(topics.REFERENCE_IMAGE)
-    tested = node(bus, clock, 'reference:=file', f'reference_file:={file}', f'crop:={PATTERN.shape[0]}')
-    run(tested)
-    received = reference.take()
-    assert received is not None
-    assert (conversions.image_array(received.message) == PATTERN).all()
+    tested = bench('reference:=file', f'reference_file:={file}', f'crop:={PATTERN.shape[0]}')
+    tested.show(PATTERN)
+    (rest,) = tested.rests()
+    np.testing.assert_array_equal(rest, PATTERN)
+    assert len(tested.measured()) == 1
 
 
 @pytest.mark.parametrize('content', [None, b'no picture'])
 def test_rest_image_file_that_is_none_is_one_sentence(
-    bus: InProcessBus, clock: SteppedClock, tmp_path: Path, content: bytes | None
+    bench: Callable[..., Bench], tmp_path: Path, content: bytes | None
 ) -> None:
     file = tmp_path / 'rest.png'
     if content:
         file.write_bytes(content)
     with pytest.raises(ConfigurationError, match='cannot read the picture'):
-        node(bus, clock, 'reference:=file', f'reference_file:={file}')
+        bench('reference:=file', f'reference_file:={file}')
 
 
-def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    features, camera, reference = (
-        listen(topics.FLOW_FEATURES),
-        publisher(topics.IMAGE),
-        publisher(topics.REFERENCE_IMAGE),
-    )
-    tested = node(bus, clock, 'reference:=topic')
-    camera.publish(image(PATTERN))
-    run(tested)
-    assert not measured(features)
-    reference.publish(image(PATTERN))
-    run(tested)
-    camera.publish(image(PATTERN, START_NS + 1))
-    run(tested)
-    assert len(measured(features)) == 1
+def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(bench: Callable[..., Bench]) -> None:
+    tested = bench(TOPIC)
+    tested.show(PATTERN)
+    assert not tested.measured()
+    tested.rest(PATTERN)
+    tested.show(PATTERN, begin_ns=START_NS + 1)
+    assert len(tested.measured()) == 1
 
 
-def test_image_of_another_size_is_reported_and_does_not_end_the_node(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
-    camera.publish(image(PATTERN))
-    run(tested)
-    features.take()
-    camera.publish(image(PATTERN[:120, :120].copy(), START_NS + 1))
-    run(tested)
-    received = features.take()
-    assert received is not None
-    assert received.message.reasons == FORCE.REASON_OTHER_IMAGE
-    assert any('120x120' in status.message for status in tested.diagnostics.message(0).status)
-    camera.publish(image(PATTERN))
-    run(tested)
-    assert features.take() is not None
-    (rest,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
+def test_image_of_another_size_is_reported_and_does_not_end_the_node(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.show(PATTERN, PATTERN[:120, :120].copy())
+    assert tested.features()[-1].reasons == FORCE.REASON_OTHER_IMAGE
+    assert any('120x120' in status.message for status in tested.node.diagnostics.message(0).status)
+    tested.show(PATTERN)
+    assert len(tested.measured()) == 1
+    rest = tested.status('rest image')
     assert (rest.level, '160x160' in rest.message) == (Level.OK, True)  # pictures are of the right size again
 
 
-def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise) -> None:
-    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
-    for number, pixels in enumerate((PATTERN, np.zeros_like(PATTERN))):
-        camera.publish(image(pixels, START_NS + number))
-        run(tested)
-    (message,) = measured(features)
+def test_dark_image_is_marked(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.show(PATTERN, np.zeros_like(PATTERN))
+    (message,) = tested.measured()
     assert message.reasons == FORCE.REASON_DARK_IMAGE
     assert message.image_level == 0.0
 
 
-def test_a_frame_like_the_rest_image_is_reported_as_untouched_and_one_that_moved_is_not(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+@pytest.mark.parametrize(
+    ('check', 'found'), [('full_every:=1000000', [(True, False), (False, True)]), ('check:=false', [(False, True)] * 2)]
+)
+def test_a_frame_like_the_rest_image_is_reported_as_untouched_unless_every_frame_is_measured(
+    bench: Callable[..., Bench], check: str, found: list[tuple[bool, bool]]
 ) -> None:
-    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
-    tested = node(bus, clock, 'stillness.full_every:=1000000', 'registration.check:=false')
-    for pixels in (PATTERN, PATTERN, np.roll(PATTERN, 2, axis=1)):
-        camera.publish(image(pixels))
-        run(tested)
-    found = [(message.untouched, bool(message.values.any())) for message in measured(features)]
-    assert found == [(True, False), (False, True)]
+    tested = bench(f'stillness.{check}', 'registration.check:=false')
+    tested.show(PATTERN, PATTERN, MOVED)
+    assert [(message.untouched, bool(message.values.any())) for message in tested.measured()] == found
 
 
-def test_every_frame_is_measured_when_the_check_is_off(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
-) -> None:
-    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
-    tested = node(bus, clock, 'stillness.check:=false')
-    for pixels in (PATTERN, PATTERN):
-        camera.publish(image(pixels))
-        run(tested)
-    (message,) = measured(features)
-    assert not message.untouched
-
-
-def test_overlay_is_saved_on_request(
-    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, tmp_path: Path
-) -> None:
-    camera, tested = publisher(topics.IMAGE), node(bus, clock, f'overlay_folder:={tmp_path}')
-    for pixels in (PATTERN, np.roll(PATTERN, 3, axis=0)):
-        camera.publish(image(pixels))
-        run(tested)
-    answer = types.Trigger_Response()
-
-    def keep(response: types.Trigger_Response) -> None:
-        nonlocal answer
-        answer = response
-
-    bus._services['/flow_features/save_overlay'].handler(types.Trigger_Request(), keep)
-    run(tested)
-    assert answer.success
+def test_overlay_is_saved_on_request(bench: Callable[..., Bench], bus: InProcessBus, tmp_path: Path) -> None:
+    tested, answers = bench(f'overlay_folder:={tmp_path}'), list[Any]()
+    tested.show(PATTERN, np.roll(PATTERN, 3, axis=0))
+    bus._services['/flow_features/save_overlay'].handler(types.Trigger_Request(), answers.append)
+    run(tested.node)
+    assert answers[0].success
     assert cv2.imread(str(tmp_path / 'flow_features_000001.png')).shape == (160, 160, 3)
     assert bus._services['/flow_features/save_overlay'].type_name == services.TRIGGER
 
 
 def test_rest_images_of_two_sensors_are_saved_to_files_of_their_own(
-    bus: InProcessBus, clock: SteppedClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bus: InProcessBus,
+    clock: SteppedClock,
+    words: Callable[..., list[str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    folder, words = tmp_path / 'work', [word for each in SMALL for word in ('-p', each)]
-    folder.mkdir()
+    (folder := tmp_path / 'work').mkdir()
     monkeypatch.chdir(folder)
-    for sensor in ('left', 'right'):
-        camera = bus.advertise(f'/{sensor}/{topics.IMAGE.name.lstrip("/")}', topics.IMAGE.type_name, topics.IMAGE.qos)
-        tested = FlowFeaturesNode(bus, parse_arguments(['--ros-args', '-r', f'__ns:=/{sensor}', *words]), clock)
+    for tested, camera in fingers(bus, clock, words()):
         camera.publish(image(PATTERN))
         run(tested)
-        handler = bus._services[f'/{sensor}/flow_features/save_reference'].handler
+        handler = bus._services[f'{tested.full_name}/save_reference'].handler
         handler(types.Trigger_Request(), lambda response: None)
         run(tested)
     names = sorted(each.name for each in folder.iterdir())
     assert names == ['left.flow_features_reference.png', 'right.flow_features_reference.png']
 
 
-def test_a_restarted_node_draws_over_no_earlier_picture(
-    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, tmp_path: Path
-) -> None:
-    camera = publisher(topics.IMAGE)
+def fingers(bus: InProcessBus, clock: SteppedClock, words: list[str]) -> list[tuple[FlowFeaturesNode, Publisher]]:
+    """The nodes of two sensors, and the cameras of both."""
+    return [
+        (
+            FlowFeaturesNode(bus, parse_arguments(['--ros-args', '-r', f'__ns:=/{name}', *words]), clock),
+            bus.advertise(f'/{name}/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos),
+        )
+        for name in ('left', 'right')
+    ]
+
+
+def test_a_restarted_node_draws_over_no_earlier_picture(bench: Callable[..., Bench], tmp_path: Path) -> None:
     for _ in range(2):  # frames 1 and 3 of each start are drawn
-        tested = node(bus, clock, f'overlay_folder:={tmp_path / "drawn"}', 'overlay_every:=2')
-        for number in range(4):  # the first becomes the rest image
-            camera.publish(image(np.roll(PATTERN, number, axis=0)))
-            run(tested)
-        tested.close()
+        tested = bench(f'overlay_folder:={tmp_path / "drawn"}', 'overlay_every:=2')
+        tested.show(*[np.roll(PATTERN, number, axis=0) for number in range(4)])  # the first becomes the rest image
+        tested.node.close()
     drawn = sorted(each.name for each in (tmp_path / 'drawn').iterdir())
     assert drawn == [f'flow_features_00000{number}.png' for number in (1, 3, 4, 6)]
 
 
 def test_the_nodes_of_two_sensors_draw_over_no_picture_of_each_other(
-    bus: InProcessBus, clock: SteppedClock, tmp_path: Path
+    bus: InProcessBus, clock: SteppedClock, words: Callable[..., list[str]], tmp_path: Path
 ) -> None:
     """In turns, so that each finds pictures of the other when it begins, and draws while the other does."""
-    words = [
-        word for each in (*SMALL, f'overlay_folder:={tmp_path / "drawn"}', 'overlay_every:=1') for word in ('-p', each)
-    ]
-    fingers = [
-        FlowFeaturesNode(bus, parse_arguments(['--ros-args', *words, '-r', f'__ns:=/{name}']), clock)
-        for name in ('left', 'right')
-    ]
-    cameras = [
-        bus.advertise(f'/{name}/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos) for name in ('left', 'right')
-    ]
+    nodes = fingers(bus, clock, words(f'overlay_folder:={tmp_path / "drawn"}', 'overlay_every:=1'))
     for number in range(3):  # the first becomes the rest image
-        for tested, camera in zip(fingers, cameras, strict=True):
+        for tested, camera in nodes:
             camera.publish(image(np.roll(PATTERN, number, axis=0)))
             run(tested)
     drawn = sorted(each.name for each in (tmp_path / 'drawn').iterdir())
@@ -445,39 +373,24 @@ def test_the_nodes_of_two_sensors_draw_over_no_picture_of_each_other(
 
 
 def test_a_rest_image_from_the_topic_is_not_used_for_pictures_that_were_captured_before_it(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+    bench: Callable[..., Bench],
 ) -> None:
     """In a replay on a busy machine, pictures wait in a queue, and a rest image does not wait behind them."""
-    features, camera, reference = (
-        listen(topics.FLOW_FEATURES),
-        publisher(topics.IMAGE),
-        publisher(topics.REFERENCE_IMAGE),
-    )
-    tested, first, second = node(bus, clock, 'reference:=topic'), PATTERN, PATTERN[::-1].copy()
-    for pixels, captured_ns in ((first, START_NS), (second, START_NS + 2)):
-        reference.publish(image(pixels, captured_ns))
-        run(tested)
-    used = []
-    for after_ns, pixels in ((1, first), (2, first), (3, second), (4, second)):
-        camera.publish(image(pixels, START_NS + after_ns))
-        run(tested)
-        used += [message.reference_id for message in measured(features)]
+    tested, first, second = bench(TOPIC), PATTERN, PATTERN[::-1].copy()
+    tested.rest(first, START_NS)
+    tested.rest(second, START_NS + 2)
+    tested.show(first, first, second, second, begin_ns=START_NS + 1)
+    used = [message.reference_id for message in tested.measured()]
     assert used == 2 * [content_id(first)] + 2 * [content_id(second)]
 
 
 def test_a_rest_image_with_a_stamp_of_another_time_base_is_used_a_second_after_it_has_come(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+    bench: Callable[..., Bench], clock: SteppedClock
 ) -> None:
-    features, camera, reference = (
-        listen(topics.FLOW_FEATURES),
-        publisher(topics.IMAGE),
-        publisher(topics.REFERENCE_IMAGE),
-    )
-    tested = node(bus, clock, 'reference:=topic')
-    reference.publish(image(PATTERN, START_NS + 10**15))
+    tested = bench(TOPIC)
+    tested.rest(PATTERN, START_NS + 10**15)
     for _ in range(2):
         clock.advance(0.6)
-        camera.publish(image(PATTERN, clock.now_ns()))
-        run(tested)
-    (only,) = measured(features)
+        tested.show(PATTERN, begin_ns=clock.now_ns())
+    (only,) = tested.measured()
     assert stamp_ns(only.header.stamp) == START_NS + 1_200_000_000

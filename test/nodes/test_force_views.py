@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeding import START_NS, run
+from feeding import START_NS, came, run
 from seen import CELLS, ring
 
 from tactile_nodes import conversions
@@ -52,9 +52,7 @@ def test_whoever_listens_gets_each_view_with_the_stamp_of_its_image(
     tested, subscription, source = node(bus, clock), listen(view), publisher(topics.FORCE_DISTRIBUTION)
     source.publish(force())
     run(tested)
-    received = subscription.take()
-    assert received is not None
-    view_message = received.message
+    view_message = came(subscription)
     head = view_message.markers[-1].header if view is topics.CONTACT_MARKERS else view_message.header
     assert (stamp_ns(head.stamp), head.frame_id) == (START_NS, 'gel_surface')
 
@@ -68,9 +66,8 @@ def test_a_force_whose_bins_do_not_fill_its_grid_is_reported_and_the_next_one_sh
     assert 'errors: a force distribution has 2 bins, but a grid of 2 x 2' in capsys.readouterr().err
     source.publish(force())
     run(tested)
-    received = points.take()
-    assert received is not None
-    assert (received.message.height, received.message.width) == (1, 2)
+    received = came(points)
+    assert (received.height, received.width) == (1, 2)
 
 
 def test_only_what_somebody_listens_to_is_made(
@@ -97,9 +94,7 @@ def test_the_field_is_received_only_while_somebody_wants_the_pressure(
     assert source.listeners == 1
     source.publish(ring(START_NS)[1])
     run(tested)
-    received = subscription.take()
-    assert received is not None
-    view_message = received.message
+    view_message = came(subscription)
     shown = (view_message.encoding, view_message.height, view_message.width)
     assert (*shown, stamp_ns(view_message.header.stamp)) == ('32FC1', CELLS, CELLS, START_NS)
     assert np.asarray(view_message.data).view('<f4').sum() == pytest.approx(2e6, rel=1e-5)  # 2 N on cells of 1 mm²
@@ -118,9 +113,7 @@ def test_whoever_comes_later_still_gets_the_transform(bus: InProcessBus, clock: 
     tested = node(bus, clock, 'parent_frame_id:=finger', 'xyz_m:=[0.0, 0.0, 0.02]')
     subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
     run(tested)
-    received = subscription.take()
-    assert received is not None
-    (transform,) = received.message.transforms
+    (transform,) = came(subscription).transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ('finger', 'gel_surface')
     assert transform.transform.translation.z == 0.02
 
@@ -165,9 +158,7 @@ def test_a_described_sensor_says_where_it_is_mounted(
     (tmp_path / 'mine.yaml').write_text(f'frame: {{{mounting}}}\n')
     tested, subscription = node(bus, clock, f'sensor:={tmp_path}/mine.yaml'), listen(topics.TF_STATIC)
     run(tested)
-    received = subscription.take()
-    assert received is not None
-    (transform,) = received.message.transforms
+    (transform,) = came(subscription).transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ('gripper_link', 'left_finger')
     moved, turned = transform.transform.translation, transform.transform.rotation
     assert (moved.x, moved.y, moved.z) == pytest.approx((0.0, 0.0, 0.012))
@@ -181,7 +172,5 @@ def test_a_parameter_overrides_what_is_described(
     tested = node(bus, clock, f'sensor:={tmp_path}/mine.yaml', 'parent_frame_id:=tactile_sensor', 'frame_id:=skin')
     subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
     run(tested)
-    received = subscription.take()
-    assert received is not None
-    (transform,) = received.message.transforms
+    (transform,) = came(subscription).transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ('tactile_sensor', 'skin')

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from feeding import START_NS
+from feeding import START_NS, came, located, taken
 from jumping_clock import JumpingClock
 
 from tactile_nodes import messages
@@ -17,13 +17,12 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BagError, ConfigurationError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.player import MEET_S, PlayerNode
-from tactile_nodes.params import Located, NodeParameters
 
 STRING = 'std_msgs/msg/String'
 COUNT = 5
@@ -65,8 +64,7 @@ def play(bus: InProcessBus, clock: JumpingClock, bag: Path) -> Iterator[Callable
     made: list[PlayerNode] = []
 
     def make(**values: object) -> PlayerNode:
-        located = {name: Located(value, 'test') for name, value in {'bag': str(bag), **values}.items()}
-        made.append(PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock))
+        made.append(PlayerNode(bus, located(**{'bag': str(bag), **values}), clock))
         return made[-1]
 
     yield make
@@ -78,11 +76,8 @@ def listen(bus: InProcessBus, topic: str, type_name: str = STRING) -> Subscripti
     return bus.subscribe(topic, type_name, Qos('queue', 100))
 
 
-def taken(subscription: Subscription) -> list[str]:
-    found = []
-    while (received := subscription.take()) is not None:
-        found.append(received.message.data)
-    return found
+def heard(subscription: Subscription) -> list[str]:
+    return [each.data for each in taken(subscription)]
 
 
 NUMBERS = [str(number) for number in range(COUNT)]
@@ -103,70 +98,47 @@ def test_plays_everything_and_ends(bus, play) -> None:
     chatter = listen(bus, '/chatter')
     node = play()
     node.spin()  # returns when all was played
-    assert taken(chatter) == NUMBERS
+    assert heard(chatter) == NUMBERS
     assert node.playback.published == COUNT + 1
 
 
 def test_simulated_time_does_not_make_it_wait_for_the_clock_that_it_publishes(bag: Path) -> None:
     # `use_sim_time` for all nodes of a launch reaches the player too.
-    values = {'bag': str(bag), 'use_sim_time': True, 'clock_hz': 40.0, 'rate': 10.0}
-    located = {name: Located(value, 'test') for name, value in values.items()}
     bus = InProcessBus()
     chatter = listen(bus, '/chatter')
-    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)))
+    node = PlayerNode(bus, located(bag=str(bag), use_sim_time=True, clock_hz=40.0, rate=10.0))
     spinning = threading.Thread(target=node.spin, daemon=True)
     spinning.start()
     spinning.join(10.0)
-    assert taken(chatter) == NUMBERS
+    assert heard(chatter) == NUMBERS
     node.close()
     bus.close()
 
 
-class AnsweringClock(JumpingClock):
-    """Others publish a force each 0.8 s, `left` times."""
+class Answers(JumpingClock):
+    """Others publish a force of each of these times, one after another."""
 
-    def __init__(self, bus: InProcessBus, left: int) -> None:
+    def __init__(self, bus: InProcessBus, topic: str, stamps_ns: list[int], each_s: float) -> None:
         super().__init__(2 * START_NS)
-        topic = topics.FORCE_DISTRIBUTION
-        self.left = left
-        self._publisher = bus.advertise('/force_distribution', topic.type_name, topic.qos)
-        self._next_ns = self.now_ns()
+        self.left = stamps_ns
+        self._publisher = bus.advertise(topic, topics.FORCE_DISTRIBUTION.type_name, topics.FORCE_DISTRIBUTION.qos)
+        self._each_ns, self._next_ns = round(each_s * NS_PER_S), self.now_ns()
 
     def sleep_until(self, deadline_ns: int) -> None:
         super().sleep_until(deadline_ns)
         if self.left and self.now_ns() >= self._next_ns:
-            self.left -= 1
-            self._next_ns = self.now_ns() + 800_000_000
-            self._publisher.publish(types.ForceDistribution())
+            self._next_ns = self.now_ns() + self._each_ns
+            stamp = messages.time_from_ns(self.left.pop(0))
+            self._publisher.publish(types.ForceDistribution(header=types.Header(stamp=stamp)))
 
 
 def test_a_player_waits_until_what_follows_from_the_bag_has_come(bus: InProcessBus, bag: Path) -> None:
     """A busy machine computes forces long after the last picture; what is not waited for is lost."""
-    values = {'bag': str(bag), 'answer': '/force_distribution'}
-    located = {name: Located(value, 'test') for name, value in values.items()}
-    clock = AnsweringClock(bus, left=30)
-    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    clock = Answers(bus, '/force_distribution', [0] * 30, 0.8)
+    node = PlayerNode(bus, located(bag=str(bag), answer='/force_distribution'), clock)
     node.spin()
     node.close()
-    assert clock.left == 0
-
-
-class SlowAnswers(JumpingClock):
-    """Others publish a force of the first picture at once, and of the last one after ten seconds, if at all."""
-
-    def __init__(self, bus: InProcessBus, *stamps_ns: int) -> None:
-        super().__init__(2 * START_NS)
-        topic = topics.FORCE_DISTRIBUTION
-        self.left = list(stamps_ns)
-        self._publisher = bus.advertise('/left/force_distribution', topic.type_name, topic.qos)
-        self._next_ns = self.now_ns()
-
-    def sleep_until(self, deadline_ns: int) -> None:
-        super().sleep_until(deadline_ns)
-        if self.left and self.now_ns() >= self._next_ns:
-            self._next_ns = self.now_ns() + 10_000_000_000
-            stamp = messages.time_from_ns(self.left.pop(0))
-            self._publisher.publish(types.ForceDistribution(header=types.Header(stamp=stamp)))
+    assert clock.left == []
 
 
 @pytest.mark.parametrize(
@@ -188,10 +160,8 @@ def test_a_player_waits_for_the_force_of_the_last_picture(
         writer.write('/left/image_raw', messages.encode(types.Image(header=header)), at_ns, at_ns)
     writer.close()
     values = {'bag': str(tmp_path / 'images'), 'topics': ['*/image_raw'], 'answer': '*/force_distribution'}
-    values['most_hz'] = most_hz
-    located = {name: Located(value, 'test') for name, value in values.items()}
-    clock = SlowAnswers(bus, *stamps_ns[: answered : COUNT - 1])
-    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    clock = Answers(bus, '/left/force_distribution', stamps_ns[: answered : COUNT - 1], 10.0)
+    node = PlayerNode(bus, located(**values, most_hz=most_hz), clock)
     node.spin()
     node.close()
     assert clock.left == []
@@ -218,34 +188,24 @@ def test_a_player_waits_for_the_node_that_has_to_listen(
 ) -> None:
     """For up to 30 s, and four times as long with four programs a processor."""
     monkeypatch.setattr(os, 'getloadavg', lambda: (programs * len(os.sched_getaffinity(0)), 0.0, 0.0))
-    values = {'bag': str(bag), 'wait_for': 'flow_features'}
-    located = {name: Located(value, 'test') for name, value in values.items()}
     clock = LateListener(bus, late_s)
-    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    node = PlayerNode(bus, located(bag=str(bag), wait_for='flow_features'), clock)
     node.spin()
     node.close()
     assert clock.chatter is not None
-    assert taken(clock.chatter) == NUMBERS
+    assert heard(clock.chatter) == NUMBERS
 
 
-def test_a_player_does_not_take_the_node_of_another_sensor_for_the_one_that_has_to_listen(
+def test_a_player_that_only_the_node_of_another_sensor_hears_says_so_instead_of_playing(
     bus: InProcessBus, play: Callable[..., PlayerNode]
 ) -> None:
     """A hand runs while the recording of a single sensor is played beside it: its nodes do not hear that."""
     bus.subscribe('/left/chatter', STRING, Qos('queue', 100), '/left/flow_features')
-    node = play(wait_for='flow_features')
-    node.spin()
-    assert str(node.failure).endswith('/flow_features did not subscribe within 30 s')
-
-
-def test_a_player_that_nobody_hears_says_so_instead_of_playing(
-    bus: InProcessBus, play: Callable[..., PlayerNode]
-) -> None:
     chatter = listen(bus, '/chatter')
     node = play(wait_for='flow_features')
     node.spin()
     assert str(node.failure).endswith('/flow_features did not subscribe within 30 s')
-    assert taken(chatter) == []
+    assert heard(chatter) == []
 
 
 class EndedEarly(JumpingClock):
@@ -264,9 +224,8 @@ class EndedEarly(JumpingClock):
 
 
 def test_a_player_that_is_ended_while_it_waits_has_not_failed(bus: InProcessBus, bag: Path) -> None:
-    located = {'bag': Located(str(bag), 'test'), 'wait_for': Located('flow_features', 'test')}
     clock = EndedEarly()
-    clock.node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    clock.node = PlayerNode(bus, located(bag=str(bag), wait_for='flow_features'), clock)
     clock.made.set()
     clock.node.spin()
     clock.node.close()
@@ -286,10 +245,9 @@ def test_one_sensor_of_a_hand_that_cannot_start_leaves_the_others_their_images(
     node = play(bag=str(tmp_path / 'hand'), wait_for='flow_features')
     node.spin()
     assert node.failure is None
-    assert taken(left) == ['seen']
-    received = logged.take()
-    assert received is not None
-    assert received.message.msg.startswith('/right/flow_features did not subscribe within 30 s')
+    assert heard(left) == ['seen']
+    received = came(logged)
+    assert received.msg.startswith('/right/flow_features did not subscribe within 30 s')
 
 
 def test_an_answer_of_no_known_topic_is_refused(play) -> None:
@@ -321,7 +279,7 @@ def test_who_comes_late_gets_the_transforms_of_all_publishers(bus, play, tmp_pat
 
 def test_latched_topic_is_latched_again(bus, play) -> None:
     play().spin()
-    assert taken(listen(bus, '/rest')) == ['rest']
+    assert heard(listen(bus, '/rest')) == ['rest']
 
 
 def test_type_that_is_unknown_here_is_left_out_and_reported(play, capsys: pytest.CaptureFixture[str]) -> None:
@@ -332,9 +290,7 @@ def test_type_that_is_unknown_here_is_left_out_and_reported(play, capsys: pytest
 def test_forces_of_an_earlier_release_are_played_as_those_of_this_one(bus, play) -> None:
     forces = listen(bus, '/force_distribution', topics.FORCE_DISTRIBUTION.type_name)
     play(bag=str(EARLIER), topics=['/force_distribution']).spin()
-    played = []
-    while (received := forces.take()) is not None:
-        played.append(received.message)
+    played = taken(forces)
     assert len(played) == 25
     assert max(each.total for each in played) > 0.1
     assert all(math.isnan(contact.shear_x) for each in played for contact in each.contacts)
@@ -343,12 +299,7 @@ def test_forces_of_an_earlier_release_are_played_as_those_of_this_one(bus, play)
 def test_plays_only_the_topics_it_is_given_under_their_new_names(bus, play) -> None:
     rest, again = listen(bus, '/rest'), listen(bus, '/again')
     play(topics=['/chatter'], remap=['/chatter:=/again']).spin()
-    assert (taken(rest), taken(again)) == ([], NUMBERS)
-
-
-def test_topic_that_is_not_in_the_bag_is_refused(play) -> None:
-    with pytest.raises(BagError, match=r'holds no /wrench; see: tactile bag info'):
-        play(topics=['wrench'])
+    assert (heard(rest), heard(again)) == ([], NUMBERS)
 
 
 def test_a_bag_of_a_hand_names_its_sensors_to_who_replays_it_as_one(play, tmp_path: Path) -> None:
@@ -383,10 +334,10 @@ def test_paused_player_plays_one_message_a_call(bus, play) -> None:
 def test_paused_player_that_resumes_plays_the_rest(bus, play) -> None:
     chatter = listen(bus, '/chatter')
     node = play(paused=True)
-    assert taken(chatter) == []
+    assert heard(chatter) == []
     assert node.toggle_paused() == 'playing'
     node.spin()
-    assert taken(chatter) == NUMBERS
+    assert heard(chatter) == NUMBERS
 
 
 def test_next_is_refused_while_playing(play) -> None:
@@ -412,23 +363,22 @@ def test_looping_player_ends_when_it_is_closed(bus, play) -> None:
     assert not node._thread.is_alive()
 
 
-def test_bag_that_is_not_there_is_refused(play, tmp_path: Path) -> None:
-    with pytest.raises(BagError, match='there is no bag'):
-        play(bag=str(tmp_path / 'none'))
-
-
-def test_no_bag_at_all_is_refused(play) -> None:
-    with pytest.raises(BagError, match='set the parameter bag'):
-        play(bag='')
+@pytest.mark.parametrize(
+    ('values', 'reason'),
+    [
+        ({'bag': '/none'}, 'there is no bag'),
+        ({'bag': ''}, 'set the parameter bag'),
+        ({'start_offset': 1000.0}, r'lasts \d+\.\d s; there is nothing to play after 1000 s'),
+        ({'topics': ['wrench']}, r'holds no /wrench; see: tactile bag info'),
+    ],
+)
+def test_what_cannot_be_played_is_refused(play, values: dict[str, object], reason: str) -> None:
+    with pytest.raises(BagError, match=reason):
+        play(**values)
 
 
 def test_further_topics_are_played_if_the_bag_holds_them(bus, play) -> None:
     chatter, rest = listen(bus, '/chatter'), listen(bus, '/rest')
     play(topics=['/chatter'], topics_if_there=['/rest', '/not_there']).spin()
-    assert taken(chatter) == NUMBERS
-    assert taken(rest) == ['rest']
-
-
-def test_an_offset_beyond_the_end_is_refused(play) -> None:
-    with pytest.raises(BagError, match=r'lasts \d+\.\d s; there is nothing to play after 1000 s'):
-        play(start_offset=1000.0)
+    assert heard(chatter) == NUMBERS
+    assert heard(rest) == ['rest']

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from feeding import PATTERN, image, run
+from feeding import PATTERN, came, image, run
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
@@ -65,10 +65,7 @@ def features_of(born: Born, pixels: np.ndarray, *values: str) -> types.FlowFeatu
     camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1))
     camera.publish(image(pixels))
     run(node)
-    received = found.take()
-    assert received is not None
-    message: types.FlowFeatures = received.message
-    return message
+    return came(found)
 
 
 def test_flow_features_do_not_take_a_touched_gel_for_the_rest_image_after_a_restart(launch: Path, born: Born) -> None:
@@ -82,9 +79,8 @@ def test_flow_features_do_not_take_a_touched_gel_for_the_rest_image_after_a_rest
 def test_the_restored_rest_image_is_reported_to_those_who_come_later(launch: Path, born: Born) -> None:
     features_of(born, PATTERN)
     _, bus = born(FlowFeaturesNode, *SMALL)
-    received = bus.subscribe('/reference_image', topics.REFERENCE_IMAGE.type_name, Qos('latest', 1)).take()
-    assert received is not None
-    np.testing.assert_array_equal(received.message.data, PATTERN.ravel())
+    received = came(bus.subscribe('/reference_image', topics.REFERENCE_IMAGE.type_name, Qos('latest', 1)))
+    np.testing.assert_array_equal(received.data, PATTERN.ravel())
 
 
 def test_a_restored_rest_image_of_a_picture_that_never_rested_is_reported_as_before(
@@ -138,10 +134,7 @@ def features_after_a_knock(born: Born, clock: SteppedClock, killed: bool) -> typ
         camera.publish(image(pixels, clock.now_ns()))
         run(node)
         clock.advance(0.5)
-    received = found.take()
-    assert received is not None
-    message: types.FlowFeatures = received.message
-    return message
+    return came(found)
 
 
 def test_what_flow_features_learned_of_a_knock_is_not_lost_by_a_restart(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeding import run
+from feeding import run, taken
 
 from tactile_nodes import conversions, messages, params
 from tactile_nodes.bag.metadata import BagTopic
@@ -62,10 +62,8 @@ rig:
 
 
 @pytest.fixture
-def bus() -> Iterator[InProcessBus]:
-    made = InProcessBus(SystemClock())
-    yield made
-    made.close()
+def clock() -> SystemClock:
+    return SystemClock()
 
 
 def arguments(folder: Path, more: str = '') -> NodeArguments:
@@ -146,13 +144,6 @@ def listen(bus: InProcessBus, topic: Topic) -> Subscription:
     return bus.subscribe('/' + topic.name, topic.type_name, Qos('queue', 100_000))
 
 
-def drained(subscription: Subscription) -> list:
-    found = []
-    while (received := subscription.take()) is not None:
-        found.append(received.message)
-    return found
-
-
 def wait_until(done: Callable[[], bool]) -> None:
     deadline_s = monotonic_s() + PATIENCE_S
     while not done():
@@ -167,12 +158,12 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
     rig = start()
     wait_until(lambda: rig.has_ended)
     assert rig.node.failure is None
-    published = drained(presses)
+    published = taken(presses)
     assert [press.press for press in sorted(published, key=lambda press: press.press)] == [1, 2]
-    pictures = drained(images)
+    pictures = taken(images)
     assert {(image.width, image.height) for image in pictures} == {(40, 40)}
     stamps = [messages.stamp_ns(image.header.stamp) for image in pictures]
-    forces = {messages.stamp_ns(each.header.stamp): each.wrench.force.z for each in drained(samples)}
+    forces = {messages.stamp_ns(each.header.stamp): each.wrench.force.z for each in taken(samples)}
     for press in published:
         assert press.status == types.Press.STATUS_RECORDED, press.reason
         assert press.indenter == 'sphere 1.2 mm'  # the simulated world's tip, whatever the parameter says
@@ -184,7 +175,7 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
         assert press.wrench.force.z == pytest.approx(-(np.mean(within) - press.tare.force.z), abs=1e-9)
     counted = {
         messages.stamp_ns(each.header.stamp) + int(after_ns): values[2]
-        for each in drained(raw)
+        for each in taken(raw)
         for after_ns, values in zip(each.measured, each.counts.reshape(-1, each.channels), strict=True)
     }
     both_ns = min(max(counted), max(forces))  # the sensor goes on while one is read after the other
@@ -193,9 +184,9 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
     )
     assert of_counts == of_forces  # a twin counts in N
     assert max(forces) - both_ns <= 100_000_000
-    assert [edge.level for edge in drained(edges)] == [True, False, True, False]
-    assert any(state.press == 2 and state.depth > 0.4e-3 for state in drained(states))
-    assert len(drained(rest)) == 1
+    assert [edge.level for edge in taken(edges)] == [True, False, True, False]
+    assert any(state.press == 2 and state.depth > 0.4e-3 for state in taken(states))
+    assert len(taken(rest)) == 1
 
 
 def test_a_picture_that_the_camera_node_has_cropped_is_recorded_whole_whatever_its_shape(
@@ -244,7 +235,7 @@ def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -
     assert 'no recorder takes press, press_image and force_torque: none is running, or it has stopped' in str(
         node.failure
     )
-    assert not drained(states)
+    assert not taken(states)
 
 
 def test_the_rig_does_not_wait_for_simulated_time(bus: InProcessBus, tmp_path: Path) -> None:
@@ -318,16 +309,16 @@ def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_p
     states = listen(bus, topics.RIG_STATE)
     first = [listen(bus, topic) for topic in names]
     rig = start()
-    wait_until(lambda: any(state.homed and state.position.z < -4.1e-3 and state.press for state in drained(states)))
+    wait_until(lambda: any(state.homed and state.position.z < -4.1e-3 and state.press for state in taken(states)))
     for subscription in first:
         subscription.close()
     wait_until(lambda: rig.node._session._voice.unheard_ns > 0)
     later = listen(bus, topics.RIG_STATE)
-    wait_until(lambda: any(state.press == 0 and state.position.z > -2.6e-3 for state in drained(later)))
+    wait_until(lambda: any(state.press == 0 and state.position.z > -2.6e-3 for state in taken(later)))
     again = [listen(bus, topic) for topic in names]
     wait_until(lambda: rig.has_ended)
     assert rig.node.failure is None
-    published = drained(again[0])
+    published = taken(again[0])
     assert sorted(each.press for each in published if each.status == types.Press.STATUS_RECORDED) == [1, 2]
 
 
@@ -348,11 +339,7 @@ def with_a_bag(folder: Path) -> Path:
 
 
 def test_a_rig_that_searches_large_bags_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:
-    first = RigNode(bus, arguments(with_a_bag(tmp_path)), SystemClock())
-    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
-    first.close()
-    with Journal(file, plan) as journal:
-        journal.note(1, 1, STARTED, 10)
+    noted(bus, with_a_bag(tmp_path))
     asked = threading.Event()
     asked.set()
     with pytest.raises(AskedToEndError):
@@ -374,12 +361,12 @@ def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessB
     kept = [listen(bus, topic) for topic in (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)]
     states = listen(bus, topics.RIG_STATE)
     rig = start()
-    wait_until(lambda: any(state.homed and state.position.z < -4.1e-3 for state in drained(states)))  # in the gel
+    wait_until(lambda: any(state.homed and state.position.z < -4.1e-3 for state in taken(states)))  # in the gel
     answer = bus.call('/rig/stop', services.TRIGGER, types.Trigger_Request(), 5.0)
     assert answer.success
     wait_until(lambda: rig.has_ended)
     assert rig.node.failure is None
-    assert drained(states)[-1].position.z == pytest.approx(-2.5e-3, abs=1e-5)
+    assert taken(states)[-1].position.z == pytest.approx(-2.5e-3, abs=1e-5)
     assert kept
 
 
@@ -388,43 +375,36 @@ def test_plan_file_that_is_none_is_one_sentence(bus: InProcessBus, tmp_path: Pat
         RigNode(bus, arguments(tmp_path, 'plan_file: nowhere.yaml'), SystemClock())
 
 
-@pytest.mark.parametrize(('anew', 'done'), [('false', 1), ('true', 0)])
-def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
-    bus: InProcessBus, tmp_path: Path, anew: str, done: int
-) -> None:
-    first = RigNode(bus, arguments(tmp_path), SystemClock())
-    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
+def noted(bus: InProcessBus, folder: Path, *steps: str, more: str = '') -> None:
+    """What an earlier run noted of its first press."""
+    first = RigNode(bus, arguments(folder, more), SystemClock())
+    plan = first._session.plan
     first.close()
-    with Journal(file, plan) as journal:
-        for step in (STARTED, VERIFIED):
+    with Journal(folder / f'{plan.plan_id}.jsonl', plan) as journal:
+        for step in (STARTED, *steps):
             journal.note(1, 1, step, 10)
-    again = RigNode(bus, arguments(tmp_path, f'anew: {anew}'), SystemClock())
+
+
+@pytest.mark.parametrize(
+    ('more', 'step', 'done'),
+    [
+        pytest.param('', VERIFIED, 1, id='it goes on'),
+        pytest.param('anew: true', VERIFIED, 0, id='it begins anew'),
+        # As for a recorder on another computer: its presses are not looked for in the folder.
+        pytest.param('require_recorder: false', RECORDED, 1, id='recorded elsewhere'),
+    ],
+)
+def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
+    bus: InProcessBus, tmp_path: Path, more: str, step: str, done: int
+) -> None:
+    noted(bus, tmp_path, step, more=more.replace('anew: true', ''))
+    again = RigNode(bus, arguments(tmp_path, more), SystemClock())
     assert again._session.campaign.progress.done == done
     again.close()
 
 
-def test_presses_that_are_recorded_elsewhere_are_not_looked_for_in_the_folder(
-    bus: InProcessBus, tmp_path: Path
-) -> None:
-    """With `require_recorder: false`, for example on another computer."""
-    first = RigNode(bus, arguments(tmp_path, 'require_recorder: false'), SystemClock())
-    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
-    first.close()
-    with Journal(file, plan) as journal:
-        for step in (STARTED, RECORDED):
-            journal.note(1, 1, step, 10)
-    again = RigNode(bus, arguments(tmp_path, 'require_recorder: false'), SystemClock())
-    assert again._session.campaign.progress.done == 1
-    again.close()
-
-
 def test_a_plan_is_not_gone_on_with_by_another_indenter(bus: InProcessBus, tmp_path: Path) -> None:
-    first = RigNode(bus, arguments(tmp_path), SystemClock())
-    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
-    first.close()
-    with Journal(file, plan) as journal:
-        for step in (STARTED, VERIFIED):
-            journal.note(1, 1, step, 10)
+    noted(bus, tmp_path, VERIFIED)
     with pytest.raises(ConfigurationError, match=r'made with sphere 1\.2 mm, but the indenter is flat punch 3 mm'):
         RigNode(InProcessBus(SystemClock()), arguments(tmp_path, 'world.indenter: punch'), SystemClock())
     for more in ('world.indenter: punch\n    anew: true', 'world.indenter: punch'):  # now it is the punch's
@@ -442,10 +422,10 @@ def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
     wait_until(lambda: bool(rig.node._session.person.question))
     asked_ns = rig.node.clock.now_ns()
     wait_until(lambda: rig.node.clock.now_ns() > asked_ns + 2 * NS_PER_S)
-    assert not drained(states)
+    assert not taken(states)
     assert "then type: tactile service call /rig/acknowledge std_srvs/srv/Trigger '{}'" in capsys.readouterr().err
     assert bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), 5.0).message == 'continuing'
-    wait_until(lambda: any(state.homed for state in drained(states)))
+    wait_until(lambda: any(state.homed for state in taken(states)))
     assert kept
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeding import START_NS, run
+from feeding import START_NS, came, features, given, run, taken
 
-from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
@@ -28,24 +27,7 @@ FORCE = types.ForceDistribution
 
 
 def node(bus: InProcessBus, clock: SteppedClock, model: Path | str, *parameters: str) -> ForceEstimatorNode:
-    words = [word for each in (f'model:={model}', *parameters) for word in ('-p', each)]
-    return ForceEstimatorNode(bus, parse_arguments(['--ros-args', *words]), clock)
-
-
-def features(rows: int = 4, side: int = 160, confidence: float = 1.0, reasons: int = 0) -> types.FlowFeatures:
-    return types.FlowFeatures(
-        header=conversions.header(START_NS, 'camera'),
-        rows=rows,
-        cols=4,
-        channels=2,
-        encoding='cartesian_mean',
-        values=np.zeros(rows * 8, np.float32),
-        confidence=np.full(rows * 4, confidence, np.float32),
-        image_width=side,
-        image_height=side,
-        reference_id='0123456789ab',
-        reasons=reasons,
-    )
+    return ForceEstimatorNode(bus, given(f'model:={model}', *parameters), clock)
 
 
 @pytest.fixture
@@ -61,10 +43,7 @@ def chain(
     def answer(message: types.FlowFeatures) -> types.ForceDistribution:
         source.publish(message)
         run(tested)
-        received = forces.take()
-        assert received is not None
-        found: types.ForceDistribution = received.message
-        return found
+        return came(forces)
 
     return answer
 
@@ -77,9 +56,7 @@ def test_pictures_of_another_size_than_the_models_are_reported_once_with_what_to
     for side in (200, 200, 160):
         source.publish(features(side=side))
         run(tested)
-    lines = []
-    while (received := logs.take()) is not None:
-        lines.append(received.message.msg)
+    lines = [each.msg for each in taken(logs)]
     misfit, fits = [line for line in lines if line.startswith('pictures: ')]
     assert misfit == (
         'pictures: they have 200x200 pixels, but model small was trained on 160x160 pixels; '
@@ -139,10 +116,9 @@ def test_wrench_goes_with_every_force(
     wrenches, source, tested = listen(topics.WRENCH), publisher(topics.FLOW_FEATURES), node(bus, clock, small_model)
     source.publish(features())
     run(tested)
-    received = wrenches.take()
-    assert received is not None
-    assert received.message.wrench.force.z == pytest.approx(-0.5)
-    assert stamp_ns(received.message.header.stamp) == START_NS
+    received = came(wrenches)
+    assert received.wrench.force.z == pytest.approx(-0.5)
+    assert stamp_ns(received.header.stamp) == START_NS
 
 
 def test_no_wrench_is_made_that_nobody_takes(
@@ -195,13 +171,12 @@ def test_forces_have_the_frame_of_the_described_sensor_unless_a_parameter_names_
     (tmp_path / 'mine.yaml').write_text('image: {crop: 160}\nframe: {id: left_finger}\n')
     forces, source = listen(topics.FORCE_DISTRIBUTION), publisher(topics.FLOW_FEATURES)
     tested = node(bus, clock, small_model, f'sensor:={tmp_path}/mine.yaml')
-    for given, expected in (('', 'left_finger'), ('skin', 'skin')):
-        tested._parameters.change({'frame_id': given})
+    for frame_id, expected in (('', 'left_finger'), ('skin', 'skin')):
+        tested._parameters.change({'frame_id': frame_id})
         source.publish(features())
         run(tested)
-        received = forces.take()
-        assert received is not None
-        assert received.message.header.frame_id == expected
+        received = came(forces)
+        assert received.header.frame_id == expected
 
 
 @pytest.mark.parametrize(

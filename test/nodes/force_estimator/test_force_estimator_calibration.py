@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeding import START_NS, run
+from feeding import START_NS, came, features, given, run
 
 from tactile_nodes import conversions, model_file
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -26,13 +25,6 @@ FORCE, STATE = types.ForceDistribution, types.CalibrationState
 S = 1_000_000_000
 
 
-def features(stamp_ns: int) -> types.FlowFeatures:
-    return types.FlowFeatures(
-        header=conversions.header(stamp_ns, 'camera'), rows=4, cols=4, channels=2, encoding='cartesian_mean',
-        values=np.zeros(32, np.float32), confidence=np.ones(16, np.float32), image_width=160, image_height=160,
-    )  # fmt: skip
-
-
 @pytest.fixture
 def judged(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
@@ -42,7 +34,7 @@ def judged(
         publisher(topics.FLOW_FEATURES),
         publisher(topics.CALIBRATION_STATE),
     )
-    tested = ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', f'model:={small_model}']), clock)
+    tested = ForceEstimatorNode(bus, given(f'model:={small_model}'), clock)
 
     def force(published: list[types.CalibrationState], stamp_ns: int) -> types.ForceDistribution:
         for each in published:
@@ -50,10 +42,7 @@ def judged(
             run(tested)
         source.publish(features(stamp_ns))
         run(tested)
-        received = forces.take()
-        assert received is not None
-        found: types.ForceDistribution = received.message
-        return found
+        return came(forces)
 
     return force
 
@@ -100,8 +89,7 @@ def test_the_rest_image_of_the_model_file_is_reported_to_those_who_compare_with_
     picture = np.random.default_rng(0).integers(0, 255, (160, 160), np.uint8)
     model_id = model_file.save_model(tmp_path / 'with.safetensors', loaded.model, loaded.card, picture)
     shown = listen(topics.CALIBRATION_IMAGE)
-    ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', f'model:={tmp_path / "with.safetensors"}']), clock)
-    received = shown.take()
-    assert received is not None
-    np.testing.assert_array_equal(conversions.image_array(received.message), picture)
-    assert received.message.header.frame_id == model_id
+    ForceEstimatorNode(bus, given(f'model:={tmp_path}/with.safetensors'), clock)
+    received = came(shown)
+    np.testing.assert_array_equal(conversions.image_array(received), picture)
+    assert received.header.frame_id == model_id

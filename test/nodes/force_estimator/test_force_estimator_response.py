@@ -6,12 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from feeding import START_NS, run
+from feeding import START_NS, came, given, run
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -32,7 +31,7 @@ def ask(
 ) -> Ask:
     """What the shipped model says of 10x10 regions' motion and their confidence."""
     forces, source = listen(topics.FORCE_DISTRIBUTION), publisher(topics.FLOW_FEATURES)
-    tested = ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', 'model:=fast']), clock)
+    tested = ForceEstimatorNode(bus, given('model:=fast'), clock)
 
     def answer(values: np.ndarray, confidence: float) -> types.ForceDistribution:
         source.publish(
@@ -43,10 +42,7 @@ def ask(
             )
         )  # fmt: skip
         run(tested)
-        received = forces.take()
-        assert received is not None
-        found: types.ForceDistribution = received.message
-        return found
+        return came(forces)
 
     return answer
 

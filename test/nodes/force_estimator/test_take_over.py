@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from feeding import START_NS, run
+from feeding import START_NS, features, given, run, taken
 
-from tactile_nodes import conversions, model_file
+from tactile_nodes import model_file
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.parameters import to_message
 from tactile_nodes.bus.protocol import Publisher, Qos
 from tactile_nodes.bus.subscription import Subscription
@@ -59,18 +58,11 @@ class Live:
 
     def __init__(self, bus: InProcessBus, clock: SteppedClock, model: Path, source: Publisher) -> None:
         self.bus, self.source, self.sent = bus, source, 0
-        words = ['--ros-args', '-p', f'model:={model}']
-        self.node = ForceEstimatorNode(bus, parse_arguments(words), clock)
+        self.node = ForceEstimatorNode(bus, given(f'model:={model}'), clock)
 
     def frame(self) -> None:
-        self.source.publish(
-            types.FlowFeatures(
-                header=conversions.header(START_NS + self.sent * PERIOD_NS, 'camera'), rows=4, cols=4, channels=2,
-                encoding='cartesian_mean', values=np.zeros(32, np.float32), confidence=np.ones(16, np.float32),
-                image_width=160, image_height=160, reference_id='0123456789ab',
-                method=describe_flow(make_flow('dis', {})),
-            )
-        )  # fmt: skip
+        method = describe_flow(make_flow('dis', {}))
+        self.source.publish(features(START_NS + self.sent * PERIOD_NS, method=method))
         self.sent += 1
         run(self.node)
 
@@ -113,10 +105,6 @@ def live(bus: InProcessBus, clock: SteppedClock, publisher: Callable[[Topic], Pu
 def forces(bus: InProcessBus) -> Subscription:
     name = f'/{topics.FORCE_DISTRIBUTION.name}'
     return bus.subscribe(name, topics.FORCE_DISTRIBUTION.type_name, Qos('queue', 100_000))
-
-
-def taken(subscription: Subscription) -> list[Any]:
-    return [received.message for received in iter(subscription.take, None)]
 
 
 def test_every_frame_across_a_take_over_has_one_force_and_names_its_model(
