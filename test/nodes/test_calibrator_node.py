@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from feeding import START_NS, image, run
+from feeding import START_NS, given, image, run
 from press_bags import OTHER, Sensor
 
 from tactile_nodes import conversions
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Publisher, Qos, Reply
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock
@@ -44,9 +43,8 @@ def make(
     made: list[CalibratorNode] = []
 
     def calibrator(**more: object) -> CalibratorNode:
-        given = {'model': first_model, 'gel': 'gel-7', 'folder': tmp_path / 'calibration', **more}
-        words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
-        made.append(CalibratorNode(bus, parse_arguments(['--ros-args', *words]), clock))
+        values = {'model': first_model, 'gel': 'gel-7', 'folder': tmp_path / 'calibration', **more}
+        made.append(CalibratorNode(bus, given(*(f'{name}:={value}' for name, value in values.items())), clock))
         return made[-1]
 
     yield calibrator
@@ -124,7 +122,7 @@ def test_the_running_force_estimator_takes_over_and_answers_every_frame(
     forces = bus.subscribe('/force_distribution', topics.FORCE_DISTRIBUTION.type_name, Qos('queue', 1_000_000))
     in_use = tmp_path / 'in_use.safetensors'
     in_use.write_bytes(first_model.read_bytes())
-    arguments = parse_arguments(['--ros-args', '-p', f'model:={in_use}', '-p', 'compiled:=false'])
+    arguments = given(f'model:={in_use}', 'compiled:=false')
     estimator, source = ForceEstimatorNode(bus, arguments, clock), publisher(topics.FLOW_FEATURES)
     in_use.unlink()
     still = features(first_model)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from feeding import PATTERN, image, run
+from feeding import PATTERN, given, image, run
 
 from reference.nodes import NodeKind, node_kinds
 from tactile_nodes import params
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 
@@ -51,8 +50,7 @@ def test_a_folder_for_drawings_that_cannot_be_read_is_a_sentence_and_not_the_end
     def forbidden(folder: Path, pattern: str) -> list[Path]:
         raise PermissionError(13, 'Permission denied', str(folder))
 
-    words = ['--ros-args', '-p', f'model:={small_model}', '-p', 'reference_frames:=1']
-    node = FlowFeaturesNode(bus, parse_arguments(words), clock)
+    node = FlowFeaturesNode(bus, given(f'model:={small_model}', 'reference_frames:=1'), clock)
     node._parameters.change({'overlay_folder': '/home/other/drawn', 'overlay_every': 1})
     monkeypatch.setattr(Path, 'glob', forbidden)
     camera = bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)

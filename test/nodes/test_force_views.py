@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeding import START_NS, came, run
+from feeding import START_NS, came, given, run
 from seen import CELLS, ring
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -30,19 +29,13 @@ VIEWS = (topics.FORCE_MAP, topics.FORCE_POINTS, topics.CONTACT, topics.CONTACT_M
 
 
 def node(bus: InProcessBus, clock: SteppedClock, *parameters: str) -> ForceViewsNode:
-    words = [word for each in parameters for word in ('-p', each)]
-    return ForceViewsNode(bus, parse_arguments(['--ros-args', *words]), clock)
+    return ForceViewsNode(bus, given(*parameters), clock)
 
 
 def force() -> types.ForceDistribution:
-    return types.ForceDistribution(
-        header=conversions.header(START_NS, 'gel_surface'),
-        rows=1,
-        cols=2,
-        normal_force=np.array([0.0, 0.5], np.float32),
-        in_contact=True,
-        contacts=[types.Contact(force=0.5)],
-    )
+    head, bins = conversions.header(START_NS, 'gel_surface'), np.array([0.0, 0.5], np.float32)
+    touched = [types.Contact(force=0.5)]
+    return types.ForceDistribution(header=head, rows=1, cols=2, normal_force=bins, in_contact=True, contacts=touched)
 
 
 @pytest.mark.parametrize('view', VIEWS, ids=lambda view: view.name)
@@ -111,16 +104,18 @@ def look(tested: ForceViewsNode, clock: SteppedClock) -> None:
 
 def test_whoever_comes_later_still_gets_the_transform(bus: InProcessBus, clock: SteppedClock, listen: Listen) -> None:
     tested = node(bus, clock, 'parent_frame_id:=finger', 'xyz_m:=[0.0, 0.0, 0.02]')
-    subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    subscription = listen(topics.TF_STATIC)
     run(tested)
     (transform,) = came(subscription).transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ('finger', 'gel_surface')
     assert transform.transform.translation.z == 0.02
 
 
-def test_without_a_parent_frame_no_transform_is_reported(bus: InProcessBus, clock: SteppedClock) -> None:
+def test_without_a_parent_frame_no_transform_is_reported(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen
+) -> None:
     tested = node(bus, clock, "parent_frame_id:=''")
-    subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    subscription = listen(topics.TF_STATIC)
     run(tested)
     assert subscription.take() is None
 
@@ -170,7 +165,7 @@ def test_a_parameter_overrides_what_is_described(
 ) -> None:
     (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger, parent: gripper_link}\n')
     tested = node(bus, clock, f'sensor:={tmp_path}/mine.yaml', 'parent_frame_id:=tactile_sensor', 'frame_id:=skin')
-    subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    subscription = listen(topics.TF_STATIC)
     run(tested)
     (transform,) = came(subscription).transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ('tactile_sensor', 'skin')

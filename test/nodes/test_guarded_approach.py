@@ -7,12 +7,11 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from feeding import run
+from feeding import given, run
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.collection.settings import SurfaceSettings
 from tactile_nodes.collection.station import LEAVE_S
@@ -38,8 +37,7 @@ PLACES = {
 
 @contextmanager
 def node(bus: InProcessBus) -> Iterator[GuardedApproachNode]:
-    words = [word for name, value in PLACES.items() for word in ('-p', f'{name}:={value}')]
-    made = GuardedApproachNode(bus, parse_arguments(['--ros-args', *words]), SystemClock())
+    made = GuardedApproachNode(bus, given(*(f'{name}:={value}' for name, value in PLACES.items())), SystemClock())
     try:
         yield made
     finally:
@@ -55,16 +53,10 @@ def test_without_a_sensor_it_ends_with_a_sentence() -> None:
 def test_it_gives_up_on_a_sensor_that_falls_silent_and_goes_up() -> None:
     bus, clock = InProcessBus(SystemClock()), SystemClock()
     with node(bus) as tested:
-        source = bus.advertise(
-            '/force_distribution', topics.FORCE_DISTRIBUTION.type_name, topics.FORCE_DISTRIBUTION.qos
-        )
-        force = types.ForceDistribution(
-            header=conversions.header(clock.now_ns(), 'gel_surface'),
-            rows=1,
-            cols=1,
-            normal_force=np.zeros(1, np.float32),
-        )
-        source.publish(force)
+        topic = topics.FORCE_DISTRIBUTION
+        head = conversions.header(clock.now_ns(), 'gel_surface')
+        force = types.ForceDistribution(header=head, rows=1, cols=1, normal_force=np.zeros(1, np.float32))
+        bus.advertise('/force_distribution', topic.type_name, topic.qos).publish(force)
         run(tested)
         tested.spin()
         assert 'ms old, above 100 ms' in str(tested.failure)

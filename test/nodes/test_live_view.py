@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from feeding import START_NS, image, run
+from feeding import START_NS, image, located, run
 from seen import force, taken_apart
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import Topic
@@ -20,7 +19,6 @@ from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.live_view import LiveViewNode
-from tactile_nodes.params import Located, NodeParameters
 from tactile_nodes.web.packet import Packet
 
 Advertise = Callable[[Topic], Publisher]
@@ -32,8 +30,7 @@ PICTURES = {f'/{topic.name}' for topic in (topics.IMAGE, topics.FLOW_FEATURES, t
 
 @pytest.fixture
 def node(bus: InProcessBus, clock: SteppedClock) -> Iterator[LiveViewNode]:
-    arguments = NodeArguments(parameters=(NodeParameters('/**', {'port': Located(0, 'test')}),))
-    made = LiveViewNode(bus, arguments, clock)
+    made = LiveViewNode(bus, located(port=0), clock)
     yield made
     made.close()
 
@@ -84,8 +81,7 @@ def test_the_sums_of_a_hand_are_taken_in_rarely_while_nobody_watches(
     """60 sums a second that nobody sees are not decoded one by one: each quarter of a second the last is."""
     told: list[int] = []
     monkeypatch.setattr(LiveViewNode, '_on_hand', lambda _, received: told.append(received.sequence))
-    values = {'port': Located(0, 'test'), 'hand': Located('two_fingers', 'test')}
-    node = LiveViewNode(bus, NodeArguments(parameters=(NodeParameters('/**', values),)), clock)
+    node = LiveViewNode(bus, located(port=0, hand='two_fingers'), clock)
     sums = publisher(topics.HAND_WRENCH)
     for _ in range(15):
         sums.publish(types.HandWrench())
@@ -135,9 +131,8 @@ def test_the_address_of_the_page_is_reported_on_diagnostics(clock: SteppedClock,
 
 
 def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) -> None:
-    arguments = NodeArguments(parameters=(NodeParameters('/**', {'port': Located(70000, 'test')}),))
     with pytest.raises(ConfigurationError, match='70000'):
-        LiveViewNode(bus, arguments, clock)
+        LiveViewNode(bus, located(port=70000), clock)
 
 
 @pytest.mark.parametrize(
@@ -151,6 +146,5 @@ def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) 
 def test_who_else_may_is_reported_at_the_start(
     bus: InProcessBus, clock: SteppedClock, capfd: pytest.CaptureFixture[str], values: dict[str, str], warning: str
 ) -> None:
-    located = {name: Located(value, 'test') for name, value in ({'port': 0} | values).items()}
-    LiveViewNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock).close()
+    LiveViewNode(bus, located(port=0, **values), clock).close()
     assert warning in capfd.readouterr().err

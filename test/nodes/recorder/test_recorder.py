@@ -12,13 +12,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from feeding import START_NS, run
+from feeding import START_NS, located, run
 
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.zeromq import wire
@@ -27,7 +26,6 @@ from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import BagError, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.recorder import RecorderNode
-from tactile_nodes.params import Located, NodeParameters
 
 Start = Callable[..., RecorderNode]
 
@@ -37,8 +35,7 @@ def start(bus: InProcessBus, clock: SteppedClock, tmp_path: Path) -> Iterator[St
     made: list[RecorderNode] = []
 
     def make(**values: object) -> RecorderNode:
-        located = {name: Located(value, 'test') for name, value in {'bag': str(tmp_path / 'bag'), **values}.items()}
-        made.append(RecorderNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock))
+        made.append(RecorderNode(bus, located(**{'bag': str(tmp_path / 'bag'), **values}), clock))
         return made[-1]
 
     yield make
@@ -184,11 +181,9 @@ def test_recording_begins_when_every_topic_of_a_running_sensor_was_received(bus,
 
 
 def test_with_simulated_time_a_recording_begins_by_the_clock_of_its_stamps(bus, clock, tmp_path: Path) -> None:
-    values = {'bag': str(tmp_path / 'bag'), 'all': True, 'use_sim_time': True}
     talker = advertise(bus, '/chatter')
     talker.sequence = 1000
-    located = {name: Located(value, 'test') for name, value in values.items()}
-    node = RecorderNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)))
+    node = RecorderNode(bus, located(bag=str(tmp_path / 'bag'), all=True, use_sim_time=True))
     for _ in range(5):
         talker.publish(types.String(data='hello'))
         run(node)
@@ -339,8 +334,7 @@ def test_expression_that_is_none_is_refused(start: Start) -> None:
 
 
 def test_messages_of_another_version_are_counted_and_reported(tmp_path: Path) -> None:
-    located = {'bag': Located(str(tmp_path / 'bag'), 'test'), 'topics': Located(['chatter'], 'test')}
-    arguments = NodeArguments(parameters=(NodeParameters('/**', located),))
+    arguments = located(bag=str(tmp_path / 'bag'), topics=['chatter'])
     expected = (
         Level.WARN,
         'foreign messages are left out: of another type, or version of it, or of an unknown publisher',

@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from feeding import run
+from feeding import given, run
 
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import SteppedClock
@@ -26,8 +25,7 @@ def start(bus: InProcessBus, clock: SteppedClock, tmp_path: Path) -> Iterator[St
     made: list[RecorderNode] = []
 
     def make(*values: str) -> RecorderNode:
-        words = [word for value in (f'bag:={tmp_path}/bag', *values) for word in ('-p', value)]
-        made.append(RecorderNode(bus, parse_arguments(['--ros-args', *words]), clock))
+        made.append(RecorderNode(bus, given(f'bag:={tmp_path}/bag', *values), clock))
         return made[-1]
 
     yield make
