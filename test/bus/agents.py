@@ -57,6 +57,28 @@ def number_of(received: Received) -> int:
     return int(message.data if received.type_name == NUMBER else message.header.stamp.nanosec)
 
 
+def got(subscription: Subscription) -> Received:
+    """The next message, which must come."""
+    received = subscription.get(DEADLINE_S)
+    assert received is not None, f'nothing on {subscription.topic}'
+    return received
+
+
+def numbers_of(subscription: Subscription) -> list[int]:
+    """Those that came since."""
+    return [number_of(received) for received in iter(subscription.take, None)]
+
+
+def connected(
+    join: Callable[[], ZmqBus], topic: str = '/n', type_name: str = NUMBER
+) -> tuple[ZmqBus, Publisher, Subscription]:
+    """Two participants, of whom one hears the other: that one, and both ends."""
+    publishing, listening = join(), join()
+    publisher, subscription = (make(topic, type_name, QUEUE) for make in (publishing.advertise, listening.subscribe))
+    until(lambda: publisher.listeners == 1, 'a connection')
+    return publishing, publisher, subscription
+
+
 class FullDisk(io.StringIO):
     """A stream that is redirected to a file for which there is no room."""
 

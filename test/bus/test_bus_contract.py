@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agents import IMAGE, NUMBER, image, number_of
+from agents import IMAGE, NUMBER, got, image, number_of, numbers_of
 
 from tactile_nodes import messages
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.errors import (
     BusError,
     ConfigurationError,
@@ -28,20 +27,11 @@ LATCHED = Qos('latest', 1, latched=True)
 CLOSED = 'is closed'
 
 
-def _all(subscription: Subscription) -> list[int]:
-    found = []
-    while (received := subscription.take()) is not None:
-        found.append(number_of(received))
-    return found
-
-
 def test_subscriber_gets_the_very_object_that_was_published(bus: InProcessBus) -> None:
     subscription = bus.subscribe('/image', IMAGE, QUEUE)
     message = image(1)
     bus.advertise('/image', IMAGE, QUEUE).publish(message)
-    received = subscription.get(30.0)
-    assert received is not None
-    assert received.message is message
+    assert got(subscription).message is message
 
 
 def test_arrays_of_a_published_message_become_read_only(bus: InProcessBus) -> None:
@@ -65,9 +55,7 @@ def test_bytes_are_the_cdr_of_the_message_and_the_other_way_round(bus: InProcess
     data = messages.encode(types.Int64(data=5))
     publisher.publish(types.Int64(data=5))
     publisher.publish_bytes(data)
-    first, second = subscription.take(), subscription.take()
-    assert first is not None
-    assert second is not None
+    first, second = got(subscription), got(subscription)
     assert (first.data, second.message.data) == (data, 5)
 
 
@@ -77,10 +65,8 @@ def test_several_publishers_of_a_topic_are_reported_apart(bus: InProcessBus) -> 
     for number in (1, 2):
         one.publish(types.Int64(data=number))
         two.publish(types.Int64(data=10 * number))
-    received = [subscription.take() for _ in range(4)]
     by_publisher: dict[str, list[tuple[int, int]]] = {}
-    for entry in received:
-        assert entry is not None
+    for entry in iter(subscription.take, None):
         by_publisher.setdefault(entry.publisher, []).append((entry.sequence, number_of(entry)))
     assert sorted(by_publisher.values()) == [[(1, 1), (2, 2)], [(1, 10), (2, 20)]]
 
@@ -90,7 +76,7 @@ def test_keep_latest_keeps_the_newest_and_counts_what_gave_way(bus: InProcessBus
     publisher = bus.advertise('/n', NUMBER, QUEUE)
     for number in range(1, 11):
         publisher.publish(types.Int64(data=number))
-    assert (_all(subscription), subscription.dropped, subscription.received) == ([10], 9, 10)
+    assert (numbers_of(subscription), subscription.dropped, subscription.received) == ([10], 9, 10)
 
 
 def test_queue_keeps_its_depth_in_order_and_counts_what_it_dropped(bus: InProcessBus) -> None:
@@ -98,7 +84,7 @@ def test_queue_keeps_its_depth_in_order_and_counts_what_it_dropped(bus: InProces
     publisher = bus.advertise('/n', NUMBER, QUEUE)
     for number in range(1, 11):
         publisher.publish(types.Int64(data=number))
-    assert (_all(subscription), subscription.dropped) == ([7, 8, 9, 10], 6)
+    assert (numbers_of(subscription), subscription.dropped) == ([7, 8, 9, 10], 6)
 
 
 def test_latched_message_is_given_once_to_each_who_comes_late(bus: InProcessBus) -> None:
@@ -108,7 +94,7 @@ def test_latched_message_is_given_once_to_each_who_comes_late(bus: InProcessBus)
     publisher.publish(types.Int64(data=2))
     late, later = (bus.subscribe('/n', NUMBER, QUEUE) for _ in range(2))
     publisher.publish(types.Int64(data=3))
-    assert (_all(early), _all(late), _all(later)) == ([1, 2, 3], [2, 3], [2, 3])
+    assert (numbers_of(early), numbers_of(late), numbers_of(later)) == ([1, 2, 3], [2, 3], [2, 3])
 
 
 def test_late_subscriber_of_a_topic_that_is_not_latched_gets_what_comes(bus: InProcessBus) -> None:
@@ -116,7 +102,7 @@ def test_late_subscriber_of_a_topic_that_is_not_latched_gets_what_comes(bus: InP
     publisher.publish(types.Int64(data=1))
     subscription = bus.subscribe('/n', NUMBER, QUEUE)
     publisher.publish(types.Int64(data=2))
-    assert _all(subscription) == [2]
+    assert numbers_of(subscription) == [2]
 
 
 def test_latched_message_meets_a_subscriber_once_however_both_race(bus: InProcessBus) -> None:
@@ -135,7 +121,7 @@ def test_latched_message_meets_a_subscriber_once_however_both_race(bus: InProces
         made.append(bus.subscribe('/n', NUMBER, QUEUE))
     thread.join()
     for subscription in made:
-        found = _all(subscription)
+        found = numbers_of(subscription)
         assert found == list(range(found[0], 301)) if found else True
 
 
@@ -189,7 +175,7 @@ def test_latched_message_that_cannot_be_encoded_is_refused_before_anybody_has_it
     with pytest.raises(MessageError):
         publisher.publish(types.Int64(data=2**70))
     publisher.publish(types.Int64(data=1))
-    assert _all(subscription) == [1]
+    assert numbers_of(subscription) == [1]
 
 
 def test_publishing_after_closing_is_an_error_and_closing_twice_is_none(bus: InProcessBus) -> None:
@@ -291,7 +277,5 @@ def test_service_is_served_once_and_again_after_it_was_closed(bus: InProcessBus)
 def test_a_relative_name_of_a_topic_is_refused_as_no_node_uses_it(bus: InProcessBus) -> None:
     """The names of the topic table are relative: `bus.subscribe(topics.WRENCH.name, …)` would wait for ever."""
     for act in (bus.subscribe, bus.advertise):
-        with pytest.raises(
-            BusError, match="'image' is not the full name of a topic, which begins with a slash: /image"
-        ):
+        with pytest.raises(BusError, match=r"'image' is not the full name of a topic, .* with a slash: /image"):
             act('image', IMAGE, QUEUE)

@@ -131,8 +131,9 @@ def joined(keys: Path, joined_at: int) -> Iterator[tuple[Machine, Machine]]:
 
 
 def _until_received(talker: Other, listener: Other, topic: str) -> None:
-    numbers = iter(range(1, 100_000))
-    until(lambda: talker.say(topic, next(numbers)) or listener.received(topic), f'{topic} to cross the bridge')
+    """Until a message comes, or one more."""
+    numbers, before = iter(range(1, 100_000)), len(listener.received(topic))
+    until(lambda: talker.say(topic, next(numbers)) or len(listener.received(topic)) > before, f'{topic} to cross')
 
 
 def test_topic_crosses_the_bridge_both_ways(joined: tuple[Machine, Machine]) -> None:
@@ -262,9 +263,7 @@ def test_when_one_of_two_bridges_dies_the_other_carries_on(twice_joined: tuple[M
     _until_received(here, there, '/n')
     robot.programs[0].signal(signal.SIGKILL)
     until(lambda: '/one' not in there.nodes())
-    before = len(there.received('/n'))
-    numbers = iter(range(100_000, 200_000))
-    until(lambda: here.say('/n', next(numbers)) or len(there.received('/n')) > before)
+    _until_received(here, there, '/n')
 
 
 def test_killed_bridge_is_forgotten_and_a_restarted_one_joins_again(machine: Callable[[], Machine], port: int) -> None:
@@ -308,10 +307,8 @@ def test_bridge_that_listens_may_come_later_and_come_back(machine: Callable[[], 
     here.advertise('/n')
     there.listen('/n')
     for _ in range(2):
-        before = len(there.received('/n'))
         bridge = robot.bridge(f'listen:={HERE}:{port}')
-        numbers = iter(range(1, 100_000))
-        until(lambda: here.say('/n', next(numbers)) or len(there.received('/n')) > before)  # noqa: B023
+        _until_received(here, there, '/n')
         bridge.signal(signal.SIGKILL)
         bridge.process.join()
 

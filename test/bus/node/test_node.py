@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from agents import FullDisk, until
+from agents import FullDisk, got, until
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -21,6 +21,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceLostError, ServiceErr
 from tactile_nodes.messages import services, time_from_ns, types
 from tactile_nodes.params import parameter
 
+Spin = Callable[[Node], Node]
 START_NS = 1_700_000_000 * NS_PER_S
 
 
@@ -51,6 +52,10 @@ def node(bus: InProcessBus, clock: SteppedClock) -> Iterator[Plain]:
     made = Plain(bus, clock=clock)
     yield made
     made.close()
+
+
+def heard(bus: InProcessBus, topic: topics.Topic) -> Subscription:
+    return bus.subscribe(topic.name, topic.type_name, Qos('queue', 10))
 
 
 def _spin_dry(node: Node) -> None:
@@ -89,32 +94,24 @@ def test_timer_skips_the_periods_that_it_missed(node: Plain, clock: SteppedClock
     assert len(ticks) == 2
 
 
-def test_callbacks_run_in_the_thread_that_spins(node: Plain, bus: InProcessBus) -> None:
-    threads: list[str] = []
-    node.create_subscription(topics.WRENCH, lambda received: threads.append(threading.current_thread().name))
-    publisher = bus.advertise('/wrench', topics.WRENCH.type_name, topics.WRENCH.qos)
-    spinning = threading.Thread(target=node.spin, name='spins')
-    spinning.start()
-    publisher.publish(types.WrenchStamped())
+def test_callbacks_run_in_the_thread_that_spins(bus: InProcessBus, spinning: Spin) -> None:
+    threads: list[int] = []
+    node = spinning(Plain(bus))
+    node.create_subscription(topics.WRENCH, lambda received: threads.append(threading.get_ident()))
+    node.post(lambda: threads.append(threading.get_ident()))
     until(lambda: threads)
-    node.stop()
-    spinning.join(30.0)
-    assert threads == ['spins']
+    bus.advertise('/wrench', topics.WRENCH.type_name, topics.WRENCH.qos).publish(types.WrenchStamped())
+    until(lambda: len(threads) == 2)
+    assert threads[0] == threads[1] != threading.get_ident()
 
 
-def test_no_message_of_a_queue_is_lost_on_the_way_to_its_callback(bus: InProcessBus) -> None:
+def test_no_message_of_a_queue_is_lost_on_the_way_to_its_callback(bus: InProcessBus, spinning: Spin) -> None:
     seen: list[int] = []
-    node = Plain(bus)
-    node.create_subscription(topics.SYNC_EDGE, lambda received: seen.append(received.message.count))
-    spinning = threading.Thread(target=node.spin)
-    spinning.start()
+    spinning(Plain(bus)).create_subscription(topics.SYNC_EDGE, lambda received: seen.append(received.message.count))
     publisher = bus.advertise('/sync_edge', topics.SYNC_EDGE.type_name, topics.SYNC_EDGE.qos)
     for number in range(1000):
         publisher.publish(types.SyncEdge(count=number))
     until(lambda: len(seen) == 1000)
-    node.stop()
-    spinning.join(30.0)
-    node.close()
     assert seen == list(range(1000))
 
 
@@ -139,16 +136,14 @@ def test_error_of_ours_in_a_callback_is_reported_and_the_node_goes_on(
             raise DeviceLostError('the camera is gone; plug it in')
 
     node.create_subscription(topics.IMAGE, fail_once)
-    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    diagnostics = heard(bus, topics.DIAGNOSTICS)
     publisher = bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)
     for _ in range(2):
         publisher.publish(types.Image())
         _spin_dry(node)
     clock.advance(1.0)
     _spin_dry(node)
-    received = diagnostics.take()
-    assert received is not None
-    assert received.message.status[0].message == 'the camera is gone; plug it in'
+    assert got(diagnostics).message.status[0].message == 'the camera is gone; plug it in'
     assert len(seen) == 2
     assert 'the camera is gone' in capsys.readouterr().err
 
@@ -156,23 +151,19 @@ def test_error_of_ours_in_a_callback_is_reported_and_the_node_goes_on(
 def test_a_full_disk_under_the_log_does_not_end_a_node(
     node: Plain, bus: InProcessBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    logs = bus.subscribe('/rosout', topics.ROSOUT.type_name, Qos('queue', 10))
+    logs = heard(bus, topics.ROSOUT)
     monkeypatch.setattr('sys.stderr', FullDisk())
     node.log.warn('the light flickers')
-    received = logs.take()
-    assert received is not None
-    assert received.message.msg == 'the light flickers'
+    assert got(logs).message.msg == 'the light flickers'
 
 
 def test_a_node_that_has_logged_nothing_yet_is_reported_to_run(
     node: Plain, bus: InProcessBus, clock: SteppedClock
 ) -> None:
-    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    diagnostics = heard(bus, topics.DIAGNOSTICS)
     clock.advance(1.0)
     _spin_dry(node)
-    received = diagnostics.take()
-    assert received is not None
-    (status,) = received.message.status
+    (status,) = got(diagnostics).message.status
     assert (status.name.partition(': ')[2], status.level, status.hardware_id) == ('node', 0, 'none')
 
 
@@ -180,7 +171,7 @@ def test_a_node_that_has_logged_nothing_yet_is_reported_to_run(
 def test_a_node_that_ends_as_it_was_asked_to_tells_it(
     node: Plain, bus: InProcessBus, failure: DeviceLostError | None
 ) -> None:
-    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    diagnostics = heard(bus, topics.DIAGNOSTICS)
     node.failure = failure
     node.close()
     received = diagnostics.take()
@@ -222,7 +213,7 @@ def test_stopped_node_does_not_work_off_what_still_waits(node: Plain) -> None:
     assert 99 not in done
 
 
-def test_service_answers_from_the_nodes_thread_and_tells_its_errors(bus: InProcessBus) -> None:
+def test_service_answers_from_the_nodes_thread_and_tells_its_errors(bus: InProcessBus, spinning: Spin) -> None:
     node = Plain(bus)
 
     def answer(request: Any) -> Any:
@@ -231,31 +222,21 @@ def test_service_answers_from_the_nodes_thread_and_tells_its_errors(bus: InProce
         return types.SetBool_Response(success=True)
 
     node.create_service('~/set', services.SET_BOOL, answer)
-    spinning = threading.Thread(target=node.spin)
-    spinning.start()
-    try:
-        assert bus.call('/plain/set', services.SET_BOOL, types.SetBool_Request(data=True)).success
-        with pytest.raises(ServiceError, match='only true will do'):
-            bus.call('/plain/set', services.SET_BOOL, types.SetBool_Request())
-    finally:
-        node.stop()
-        spinning.join(30.0)
-        node.close()
+    spinning(node)
+    assert bus.call('/plain/set', services.SET_BOOL, types.SetBool_Request(data=True)).success
+    with pytest.raises(ServiceError, match='only true will do'):
+        bus.call('/plain/set', services.SET_BOOL, types.SetBool_Request())
 
 
-def test_trigger_turns_an_error_into_its_sentence(node: Plain, bus: InProcessBus) -> None:
+def test_trigger_turns_an_error_into_its_sentence(bus: InProcessBus, spinning: Spin) -> None:
     def act() -> str:
         raise DeviceLostError('no camera')
 
+    node = Plain(bus)
     node.create_trigger('~/tare', act)
-    answers: list[Any] = []
-    caller = threading.Thread(
-        target=lambda: answers.append(bus.call('/plain/tare', services.TRIGGER, types.Trigger_Request()))
-    )
-    caller.start()
-    until(lambda: node.spin_once() and answers)
-    caller.join()
-    assert (answers[0].success, answers[0].message) == (False, 'no camera')
+    spinning(node)
+    answer = bus.call('/plain/tare', services.TRIGGER, types.Trigger_Request())
+    assert (answer.success, answer.message) == (False, 'no camera')
 
 
 def test_closed_node_leaves_nothing_on_the_bus_and_may_be_closed_twice(bus: InProcessBus) -> None:
@@ -278,10 +259,8 @@ def test_node_leaves_the_bus_even_when_closing_its_device_fails(bus: InProcessBu
     assert bus.graph().nodes() == []
 
 
-def test_subscription_made_by_another_thread_while_messages_come_in_works(bus: InProcessBus) -> None:
-    node = Plain(bus)
-    spinning = threading.Thread(target=node.spin)
-    spinning.start()
+def test_subscription_made_by_another_thread_while_messages_come_in_works(bus: InProcessBus, spinning: Spin) -> None:
+    node = spinning(Plain(bus))
     publisher = bus.advertise('/n', 'std_msgs/msg/Int64', Qos('latest', 1, latched=True))
     publisher.publish(types.Int64(data=1))
     seen: list[Any] = []
@@ -289,9 +268,6 @@ def test_subscription_made_by_another_thread_while_messages_come_in_works(bus: I
     for _ in range(50):
         node.create_subscription(topic, seen.append)
     until(lambda: len(seen) == 50)
-    node.stop()
-    spinning.join(30.0)
-    node.close()
 
 
 def _sim(bus: InProcessBus) -> tuple[Plain, Callable[[float], None]]:
@@ -321,7 +297,7 @@ def test_simulated_time_drives_timers_also_when_it_begins_again(bus: InProcessBu
 def test_a_node_tells_how_it_is_also_while_simulated_time_stands_still(bus: InProcessBus, clock: SteppedClock) -> None:
     """As it does while a player is paused; a view takes who says nothing for silent."""
     node, set_time = _sim(bus)
-    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    diagnostics = heard(bus, topics.DIAGNOSTICS)
     for _ in range(30):
         clock.advance(0.1)
         set_time(100.0)

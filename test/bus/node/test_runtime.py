@@ -47,20 +47,22 @@ def _running(program: Program, times: int = 1) -> Program:
     return program
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_ends_a_program_cleanly(launch: Launch, number: signal.Signals) -> None:
-    program = _running(launch('Ready'))
+@pytest.mark.parametrize(
+    ('names', 'number', 'run', 'closed'),
+    [
+        *((['Ready'], number, 1, 1) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)),
+        pytest.param(['Ready', 'Second'], signal.SIGINT, 2, 2, id='two nodes'),
+        pytest.param(['Ready', 'Waiting'], signal.SIGINT, 1, 1, id='a node still waits before it begins'),
+    ],
+)
+def test_signal_ends_a_program_cleanly(
+    launch: Launch, names: list[str], number: signal.Signals, run: int, closed: int
+) -> None:
+    program = _running(launch(*names), run)
     program.signal(number)
     assert program.ended(AT_ALL_S) == 0
-    assert 'closed' in program.output
+    assert program.output.count('closed') == closed
     assert 'Traceback' not in program.output
-
-
-def test_signal_ends_a_program_cleanly_whose_node_still_waits_before_it_begins(launch: Launch) -> None:
-    program = _running(launch('Ready', 'Waiting'), 1)
-    program.signal(signal.SIGINT)
-    assert program.ended(AT_ALL_S) == 0
-    assert 'closed' in program.output
     assert 'asked' not in program.output
 
 
@@ -70,13 +72,6 @@ def test_what_is_not_made_yet_when_a_program_is_asked_to_end_is_not_made(launch:
     assert program.ended(30.0) == 0
     assert 'closed' in program.output
     assert 'running' not in program.output
-
-
-def test_several_nodes_of_a_program_end_together(launch: Launch) -> None:
-    program = _running(launch('Ready', 'Second'), 2)
-    program.signal(signal.SIGINT)
-    assert program.ended(AT_ALL_S) == 0
-    assert program.output.count('closed') == 2
 
 
 def test_signal_ends_a_program_within_two_seconds_although_a_callback_is_busy(launch: Launch) -> None:
@@ -119,20 +114,16 @@ def test_second_signal_ends_a_program_at_once(launch: Launch) -> None:
     assert program.ended(0.0) == 128 + signal.SIGINT
 
 
-def test_signal_that_comes_twice_at_once_is_taken_for_one(launch: Launch) -> None:
-    program = _running(launch('Ready'))
+@pytest.mark.parametrize(('name', 'pause_s'), [('Ready', 0.0), ('TakesAMomentToClose', 0.4)])
+def test_signal_that_comes_twice_at_once_or_from_terminal_and_launcher_is_taken_for_one(
+    launch: Launch, name: str, pause_s: float
+) -> None:
+    program = _running(launch(name))
     program.signal(signal.SIGINT)
+    time.sleep(pause_s)  # a busy launcher sends its own late
     program.signal(signal.SIGINT)
     assert program.ended(AT_ALL_S) == 0
     assert 'closed' in program.output
-
-
-def test_signal_of_a_busy_launcher_after_that_of_the_terminal_is_taken_for_the_same(launch: Launch) -> None:
-    program = _running(launch('TakesAMomentToClose'))
-    program.signal(signal.SIGINT)
-    time.sleep(0.4)
-    program.signal(signal.SIGINT)
-    assert program.ended(AT_ALL_S) == 0
 
 
 def test_signal_that_does_not_wake_the_main_thread_ends_a_program(launch: Launch) -> None:

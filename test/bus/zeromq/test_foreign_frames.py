@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zmq
-from agents import IMAGE, NUMBER, image, until
+from agents import IMAGE, NUMBER, connected, got, image, number_of, until
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -91,9 +90,7 @@ def forger(folder: Path, subscription: Subscription) -> Iterator[Forger]:
 
 def _still_hears(subscription: Subscription, forger: Forger) -> None:
     forger.send_payload(messages.encode(types.Int64(data=42)))
-    received = subscription.get(30.0)
-    assert received is not None
-    assert received.message.data == 42
+    assert number_of(got(subscription)) == 42
 
 
 def test_messages_of_another_version_of_their_type_are_told_of_once(
@@ -143,8 +140,7 @@ def test_payload_that_is_no_message_is_a_message_error_for_who_looks_at_it(
     forger: Forger, subscription: Subscription, size: int
 ) -> None:
     forger.send_payload(b'\x00\x01\x00\x00'[:size] + bytes(max(0, size - 4)))
-    received = subscription.get(30.0)
-    assert received is not None
+    received = got(subscription)
     with pytest.raises(MessageError):
         _ = received.message
 
@@ -162,15 +158,8 @@ class Looker(Node):
 
 
 @pytest.fixture
-def looker(join: Callable[..., ZmqBus]) -> Iterator[Looker]:
-    node = Looker(join())
-    thread = threading.Thread(target=node.spin)
-    thread.start()
-    yield node
-    node.stop()
-    thread.join(30.0)
-    assert not thread.is_alive()
-    node.close()
+def looker(join: Callable[..., ZmqBus], spinning: Callable[[Node], Node]) -> Node:
+    return spinning(Looker(join()))
 
 
 @pytest.fixture
@@ -267,8 +256,7 @@ def test_who_sends_no_request_is_answered_so(caller: tuple[ZmqBus, Any]) -> None
 def test_words_from_a_subscriber_do_not_make_a_publisher_believe_that_nobody_listens(
     join: Callable[..., ZmqBus],
 ) -> None:
-    publisher, subscription = join().advertise('/n', NUMBER, QUEUE), join().subscribe('/n', NUMBER, QUEUE)
-    until(lambda: publisher.listeners == 1)
+    _, publisher, subscription = connected(join)
     with zmq.Context() as context, context.socket(zmq.XSUB) as socket:
         socket.set(zmq.LINGER, 0)
         socket.connect(publisher.address)  # type: ignore[attr-defined]
@@ -284,16 +272,7 @@ def _valid_record(folder: Path, uid: str) -> str:
 
 @pytest.mark.parametrize(
     'text',
-    [
-        '',
-        '{',
-        '[]',
-        'null',
-        '"text"',
-        '{"format": 99}',
-        '[' * 100_000,
-        '\x00\x01\x02',
-    ],
+    ['', '{', '[]', 'null', '"text"', '{"format": 99}', '[' * 100_000, '\x00\x01\x02'],
     ids=repr,
 )
 def test_record_that_is_none_is_counted_and_passed_over(folder: Path, join: Callable[..., ZmqBus], text: str) -> None:

@@ -32,11 +32,6 @@ def _serving(bus: ZmqBus, other: Other, behaviour: str) -> Other:
     return other
 
 
-def test_service_of_another_process_answers(bus: ZmqBus, start: Start) -> None:
-    other = _serving(bus, start(), 'answer')
-    assert _call(bus) == f'from {other.pid()}'
-
-
 def test_many_calls_at_once_are_all_answered(bus: ZmqBus, start: Start) -> None:
     _serving(bus, start(), 'answer')
     answers: list[str] = []
@@ -46,12 +41,6 @@ def test_many_calls_at_once_are_all_answered(bus: ZmqBus, start: Start) -> None:
     for thread in threads:
         thread.join()
     assert len(answers) == 20
-
-
-def test_unknown_service_is_unavailable(start: Start) -> None:
-    assert start().call('/none') == (
-        'ServiceUnavailableError: no node offers the service /none; see: tactile service list'
-    )
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zmq
-from agents import IMAGE, NUMBER, until
+from agents import IMAGE, NUMBER, connected, got, until
 
 import tactile_nodes
 from tactile_nodes.bus import topics
@@ -132,15 +132,12 @@ def test_every_socket_of_a_bus_has_its_limit(join: Join) -> None:
 def test_who_subscribes_with_a_long_word_is_cut_off_and_the_others_go_on(
     join: Join, stranger: Callable[[bytes, str], Stranger], length: int
 ) -> None:
-    publisher, subscription = join().advertise('/n', NUMBER, QUEUE), join().subscribe('/n', NUMBER, QUEUE)
-    until(lambda: publisher.listeners == 1)
+    _, publisher, subscription = connected(join)
     made = stranger(b'SUB', publisher.address)
     made.send(b'\x01' + bytes(length))
     assert made.is_cut_off()
     publisher.publish(types.Int64(data=7))
-    received = subscription.get(30.0)
-    assert received is not None
-    assert received.message.data == 7
+    assert got(subscription).message.data == 7
 
 
 def test_who_subscribes_to_a_header_of_ours_is_served(join: Join) -> None:
@@ -164,25 +161,19 @@ def test_who_calls_with_too_much_is_cut_off(join: Join, stranger: Callable[[byte
 
 
 def test_a_picture_of_4k_in_colour_comes_through(join: Join) -> None:
-    publisher, subscription = join().advertise('/big', IMAGE, QUEUE), join().subscribe('/big', IMAGE, QUEUE)
-    until(lambda: publisher.listeners == 1)
+    _, publisher, subscription = connected(join, '/big', IMAGE)
     width, height = 3840, 2160
     pixels = np.full(3 * width * height, 77, np.uint8)
     publisher.publish(types.Image(width=width, height=height, step=3 * width, encoding='rgb8', data=pixels))
-    received = subscription.get(20.0)
-    assert received is not None
-    assert received.message.data.size == 24_883_200
+    assert got(subscription).message.data.size == 24_883_200
 
 
 def test_what_the_others_would_not_take_in_is_refused_with_a_sentence(join: Join) -> None:
-    publisher, subscription = join().advertise('/say', LOG, QUEUE), join().subscribe('/say', LOG, QUEUE)
-    until(lambda: publisher.listeners == 1)
+    _, publisher, subscription = connected(join, '/say', LOG)
     with pytest.raises(BusError, match=r'/say: a rcl_interfaces/msg/Log of 10\d+ bytes .* limit is 1048576'):
         publisher.publish(types.Log(msg='a' * (1 << 20)))
     publisher.publish(types.Log(msg='short'))
-    received = subscription.get(30.0)
-    assert received is not None
-    assert received.message.msg == 'short'
+    assert got(subscription).message.msg == 'short'
 
 
 def test_an_answer_that_is_too_long_is_an_error_that_says_so(join: Join) -> None:
