@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from running_system import DOMAIN, Ended, LampNode, Tactile
 
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli.main import main
 
@@ -45,15 +46,9 @@ def tactile(capsys: pytest.CaptureFixture[str], run_folder: Path) -> Tactile:
 
 
 @pytest.fixture
-def lamp(other: ZmqBus) -> Iterator[LampNode]:
+def lamp(other: ZmqBus, spinning: Callable[[Node], Node]) -> Node:
     """A node that runs."""
-    node = LampNode(other)
-    thread = threading.Thread(target=node.spin)
-    thread.start()
-    yield node
-    node.stop()
-    thread.join()
-    node.close()
+    return spinning(LampNode(other))
 
 
 @pytest.fixture

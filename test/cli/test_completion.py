@@ -68,11 +68,8 @@ def test_a_shell_gets_its_offers_from_a_process_that_says_nothing(tmp_path: Path
     assert offers(answer.read_text()) == {'topic'}
 
 
-def test_commands_of_a_verb_are_offered(offered: Offered) -> None:
+def test_commands_of_a_verb_and_flags_are_offered(offered: Offered) -> None:
     assert offered('tactile topic e') == {'echo'}
-
-
-def test_flags_are_offered(offered: Offered) -> None:
     assert offered('tactile topic echo --on') == {'--once'}
 
 

@@ -12,13 +12,7 @@ from tactile_nodes.cli.main import main
 from tactile_nodes.learning.datasets.file import load_dataset
 
 COARSE = ['--profile', 'quick']
-
-
-@pytest.fixture(scope='module', autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
-        yield
+pytestmark = pytest.mark.usefixtures('own_cache')
 
 
 @pytest.fixture(scope='module')
@@ -32,7 +26,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory, sensor: Sensor) -> Path:
 
 
 @pytest.fixture(scope='module')
-def file(bag: Path, tmp_path_factory: pytest.TempPathFactory, cache: None) -> Path:
+def file(bag: Path, tmp_path_factory: pytest.TempPathFactory, own_cache: Path) -> Path:
     path = tmp_path_factory.mktemp('files') / 'presses.npz'
     assert main(['dataset', 'build', str(bag), '-o', str(path), *COARSE, '--gel', 'gel-7']) == 0
     return path

@@ -121,14 +121,11 @@ def test_a_refused_change_gives_the_reason(
     assert reason in ended.err
 
 
-def test_describe_tells_type_meaning_and_limits(lamp: LampNode, tactile: Tactile) -> None:
+def test_describe_tells_type_meaning_limits_and_what_only_a_restart_changes(lamp: LampNode, tactile: Tactile) -> None:
     assert tactile('param', 'describe', '/lamp', 'level').out == (
         'Parameter name: level\n  Type: double\n  Description: how bright\n  Constraints:\n'
         '    Min value: 0.0\n    Max value: 1.0\n'
     )
-
-
-def test_describe_tells_what_only_a_restart_changes(lamp: LampNode, tactile: Tactile) -> None:
     assert 'Read only: true' in tactile('param', 'describe', '/lamp', 'serial').out
 
 
@@ -147,20 +144,19 @@ def test_texts_that_rcl_would_type_survive_a_dump(tmp_path: Path) -> None:
     assert found == {**values, 'deep.er': 1e-5}
 
 
-def test_a_parameter_file_is_loaded(lamp: LampNode, tactile: Tactile, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('flags', 'wildcard', 'level'),
+    [((), 'Set parameter level successful\n', 0.1), (('--no-use-wildcard',), '', 0.5)],
+)
+def test_a_parameter_file_is_loaded_and_its_wildcards_can_be_left_out(
+    lamp: LampNode, tactile: Tactile, tmp_path: Path, flags: tuple[str, ...], wildcard: str, level: float
+) -> None:
     file = tmp_path / 'p.yaml'
     file.write_text('/**: {ros__parameters: {level: 0.1, for_others: 3}}\nlamp: {ros__parameters: {colour: red}}\n')
-    ended = tactile('param', 'load', '/lamp', str(file))
+    ended = tactile('param', 'load', '/lamp', str(file), *flags)
     assert ended.status == 0
-    assert ended.out == 'Set parameter level successful\nSet parameter colour successful\n'
-    assert (lamp.params.level, lamp.params.colour) == (0.1, 'red')
-
-
-def test_loading_can_leave_out_wildcards(lamp: LampNode, tactile: Tactile, tmp_path: Path) -> None:
-    file = tmp_path / 'p.yaml'
-    file.write_text('/**: {ros__parameters: {level: 0.1}}\nlamp: {ros__parameters: {colour: red}}\n')
-    tactile('param', 'load', '/lamp', str(file), '--no-use-wildcard')
-    assert (lamp.params.level, lamp.params.colour) == (0.5, 'red')
+    assert ended.out == f'{wildcard}Set parameter colour successful\n'
+    assert (lamp.params.level, lamp.params.colour) == (level, 'red')
 
 
 def test_loading_tells_what_was_refused(lamp: LampNode, tactile: Tactile, tmp_path: Path) -> None:
@@ -175,16 +171,10 @@ def test_loading_tells_what_was_refused(lamp: LampNode, tactile: Tactile, tmp_pa
 @pytest.mark.parametrize(
     ('text', 'value'),
     [
-        ('7', 7),
-        ('7.0', 7.0),
-        ('1e-3', 0.001),
-        ('on', True),
-        ("'on'", 'on'),
-        ('[1, 2]', [1, 2]),
-        ('a: b', 'a: b'),
+        ('7', 7), ('7.0', 7.0), ('1e-3', 0.001), ('on', True), ("'on'", 'on'), ('[1, 2]', [1, 2]), ('a: b', 'a: b'),
         ('', ''),
     ],
-)
+)  # fmt: skip
 def test_values_are_typed_as_in_a_parameter_file(text: str, value: object) -> None:
     found = typed(text)
     assert (found, type(found)) == (value, type(value))

@@ -22,11 +22,8 @@ def test_yaml_keeps_the_order_of_the_fields() -> None:
     assert to_yaml(wrench().header, ALL) == 'stamp:\n  sec: 3\n  nanosec: 4\nframe_id: gel\n'
 
 
-def test_flow_style_is_one_line() -> None:
+def test_flow_style_is_one_line_and_a_single_number_is_printed_alone() -> None:
     assert to_yaml(wrench().header, ALL, flow_style=True) == '{stamp: {sec: 3, nanosec: 4}, frame_id: gel}\n'
-
-
-def test_a_single_number_is_printed_alone() -> None:
     assert to_yaml(0.5, ALL) == '0.5\n'
 
 
@@ -37,21 +34,18 @@ def test_long_arrays_and_texts_end_in_dots() -> None:
     assert printed.endswith("data:\n- 0\n- 1\n- 2\n- '...'\n")
 
 
-def test_full_length_prints_everything() -> None:
-    assert '...' not in to_yaml(types.Image(data=np.zeros(200, np.uint8)), ALL)
-
-
-def test_arrays_can_be_reported_by_type_and_length() -> None:
-    printed = to_yaml(types.Image(data=np.zeros(7, np.uint8)), Shown(arrays=False))
-    assert "data: '<sequence type: uint8, length: 7>'" in printed
-
-
-def test_fixed_arrays_are_reported_by_their_size() -> None:
-    assert "k: '<array type: float64[9]>'" in to_yaml(types.CameraInfo(), Shown(arrays=False))
-
-
-def test_texts_can_be_reported_by_length() -> None:
-    assert "frame_id: '<string length: <3>>'" in to_yaml(wrench().header, Shown(strings=False))
+@pytest.mark.parametrize(
+    ('message', 'shown', 'field'),
+    [
+        (types.Image(data=np.zeros(7, np.uint8)), Shown(arrays=False), "data: '<sequence type: uint8, length: 7>'"),
+        (types.CameraInfo(), Shown(arrays=False), "k: '<array type: float64[9]>'"),
+        (wrench().header, Shown(strings=False), "frame_id: '<string length: <3>>'"),
+        (types.Image(data=np.zeros(200, np.uint8)), ALL, 'data:\n' + '- 0\n' * 200),
+    ],
+    ids=['type and length of an array', 'size of a fixed array', 'length of a text', 'full length'],
+)
+def test_arrays_and_texts_can_be_reported_by_their_size(message: object, shown: Shown, field: str) -> None:
+    assert field in to_yaml(message, shown)
 
 
 def test_csv_holds_all_values_of_nested_messages() -> None:
@@ -62,17 +56,11 @@ def test_a_message_looks_like_that_of_ros2() -> None:
     assert to_python(types.Trigger_Response(success=True, message='ok')) == (
         "std_srvs.srv.Trigger_Response(success=True, message='ok')"
     )
-
-
-def test_a_message_without_fields_looks_empty() -> None:
     assert to_python(types.Trigger_Request()) == 'std_srvs.srv.Trigger_Request()'
 
 
-def test_a_field_is_found_by_its_path() -> None:
+def test_a_field_is_found_by_its_path_and_an_element_by_its_number() -> None:
     assert field_of(wrench(), 'wrench.force.z') == -1.0
-
-
-def test_an_element_is_found_by_its_number() -> None:
     assert field_of(types.Image(data=np.arange(5, dtype=np.uint8)), 'data[3]') == 3
 
 

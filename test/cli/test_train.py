@@ -32,13 +32,9 @@ def test_without_a_file_the_papers_run_is_made():
     assert verb.chosen_config(asked()).output == Path('models/paper.safetensors')
 
 
-def test_the_plan_may_be_another_than_the_files(grid: str):
+def test_the_plan_and_its_split_may_be_others_than_the_files(grid: str):
     assert verb.chosen_config(asked(grid, '--plan', 'random')).data.plan == 'random'
-
-
-def test_a_data_set_has_the_plan_that_it_was_recorded_by():
-    with pytest.raises(ConfigurationError, match='cannot be used with a data set'):
-        verb.chosen_config(asked('--dataset', 'presses.npz', '--plan', 'random'))
+    assert verb.chosen_config(asked(grid, '--split', 'position')).data.split == 'position'
 
 
 def test_the_command_line_changes_what_it_names(grid: str):
@@ -49,32 +45,26 @@ def test_the_command_line_changes_what_it_names(grid: str):
     assert config.training.device == 'cpu'
 
 
-def test_a_device_is_refused_by_readouts_that_are_fitted_on_the_processor(tmp_path: Path):
-    (tmp_path / 'run.yaml').write_text('readout: response\n')
-    with pytest.raises(ConfigurationError, match='--device is for networks; the readout response is fitted on the CPU'):
-        verb.chosen_config(asked(str(tmp_path / 'run.yaml'), '--device', 'cuda'))
-
-
 @pytest.mark.parametrize('command', [['train'], ['evaluate', 'fast']])
 def test_a_cluster_is_refused_where_nothing_is_simulated(command: list[str], capsys: pytest.CaptureFixture[str]):
     assert main([*command, '--dataset', 'presses.npz', '--on', 'tcp://127.0.0.1:1']) == 1
     assert '--on simulates presses on a cluster; it cannot be used with a data set' in capsys.readouterr().err
 
 
-def test_a_grid_can_be_split_by_position(grid: str):
-    assert verb.chosen_config(asked(grid, '--split', 'position')).data.split == 'position'
-
-
-def test_random_presses_are_not_split(tmp_path: Path):
-    (tmp_path / 'run.yaml').write_text('data: {plan: random}\n')
-    with pytest.raises(ConfigurationError, match='random presses have no held-out set'):
-        verb.chosen_config(asked(str(tmp_path / 'run.yaml'), '--split', 'position'))
-
-
-@pytest.mark.parametrize('words', [('--presses', '30', '--dataset', 'x.npz'), ('--presses', '3')])
-def test_a_number_of_presses_that_cannot_be_is_refused(grid: str, words: tuple[str, ...]):
-    with pytest.raises(ConfigurationError, match='--presses'):
-        verb.chosen_config(asked(grid, *words))
+@pytest.mark.parametrize(
+    ('run', 'words', 'refusal'),
+    [
+        ('readout: response', ('--device', 'cuda'), '--device is for networks; the readout response is fitted on the'),
+        ('data: {plan: random}', ('--split', 'position'), 'random presses have no held-out set'),
+        ('', ('--dataset', 'presses.npz', '--plan', 'random'), 'cannot be used with a data set'),
+        (GRID, ('--presses', '30', '--dataset', 'x.npz'), '--presses'),
+        (GRID, ('--presses', '3'), '--presses'),
+    ],
+)
+def test_what_does_not_go_with_a_run_is_refused(tmp_path: Path, run: str, words: tuple[str, ...], refusal: str):
+    (tmp_path / 'run.yaml').write_text(run)
+    with pytest.raises(ConfigurationError, match=refusal):
+        verb.chosen_config(asked(*([str(tmp_path / 'run.yaml')] if run else []), *words))
 
 
 def test_runs_that_are_none_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

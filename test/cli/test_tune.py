@@ -13,12 +13,7 @@ from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.model_file import load_model
 
-
-@pytest.fixture(scope='module', autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
-        yield
+pytestmark = pytest.mark.usefixtures('own_cache')
 
 
 def test_bags_become_a_profile_of_model_run_and_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -51,43 +46,23 @@ def test_a_described_sensor_gives_the_bins_and_the_part_of_the_pictures(tmp_path
     assert load_dataset(output.with_suffix('.npz')).bins == model.model.bins
 
 
-@pytest.mark.parametrize('given', [['--sensor', 'digit_like'], ['--namespace', 'left']])
-def test_what_describes_bags_is_refused_without_bags(
-    given: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ('words', 'refusal'),
+    [
+        (['--sensor', 'digit_like'], '--sensor is for bags'),
+        (['--namespace', 'left'], '--namespace is for bags'),
+        (['--gel', 'stiff.yaml'], '--gel is for bags; the gel to simulate stands in the run of --train'),
+        (['bag', '--on', 'tcp://a:1'], '--on simulates presses on a cluster; it cannot be used with bags'),
+        (['presses.npz'], 'presses.npz is a data set'),  # and holds no images
+        (['--only', 'magic'], 'DIS medium, 20x20, 64'),
+        (['no_bag', '-o', 'mine.onnx'], 'must end in .safetensors'),
+    ],
+)
+def test_what_cannot_be_is_refused_before_the_hours_of_work(
+    words: list[str], refusal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(['tune', *given, '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
-    assert f'{given[0]} is for bags' in capsys.readouterr().err
-
-
-def test_a_cluster_is_refused_where_nothing_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ['tune', str(tmp_path / 'bag'), '--on', 'tcp://127.0.0.1:1', '--max-ms', '1']
-    assert main([*words, '-o', str(tmp_path / 'm.safetensors')]) == 1
-    assert '--on simulates presses on a cluster; it cannot be used with bags' in capsys.readouterr().err
-
-
-def test_a_data_set_is_refused_because_it_holds_no_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['tune', 'presses.npz', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
-    assert 'presses.npz is a data set' in capsys.readouterr().err
-
-
-def test_a_gel_is_refused_where_presses_are_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ['tune', '--gel', 'stiff.yaml', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]
-    assert main(words) == 1
-    assert '--gel is for bags; the gel to simulate stands in the run of --train' in capsys.readouterr().err
-
-
-def test_a_configuration_that_does_not_exist_names_those_that_do(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['tune', '--only', 'magic', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
-    assert 'DIS medium, 20x20, 64' in capsys.readouterr().err
-
-
-def test_a_name_that_is_not_of_a_model_is_refused_before_the_hours_of_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['tune', str(tmp_path / 'no_bag'), '--max-ms', '1', '-o', str(tmp_path / 'mine.onnx')]) == 1
-    assert 'must end in .safetensors' in capsys.readouterr().err
+    assert main(['tune', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors'), *words]) == 1
+    assert refusal in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('option', ['--train', '--sensor'])

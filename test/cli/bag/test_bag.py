@@ -123,9 +123,6 @@ def test_play_takes_the_flags_of_ros2_bag_play() -> None:
     found = parsed('play', 'press', '-r', '2', '-l', '--start-offset', '3', '--remap', '/a:=/b', '--topics', '/a', '/c')
     assert (found.bag, found.rate, found.loop, found.start_offset) == ('press', 2.0, True, 3.0)
     assert (found.remap, found.topics, found.clock) == (['/a:=/b'], ['/a', '/c'], 0.0)
-
-
-def test_clock_without_a_number_is_40_hz_as_in_ros2_bag_play() -> None:
     assert parsed('play', 'press', '--clock').clock == 40.0
     assert parsed('play', 'press', '--clock', '100').clock == 100.0
 
