@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import pytest
 from dds_sides import Other, OtherAgain
@@ -45,18 +46,24 @@ def other(others: OtherAgain, domain: int) -> Iterator[Other]:
     others.end_this()
 
 
-@pytest.fixture
-def later(cyclone: None, domain: int) -> Iterator[Callable[[], Other]]:
-    """Start a process with the bridge's own Cyclone DDS, at a time of the test's choice."""
+@contextmanager
+def _started_later(program: str) -> Iterator[Callable[[], Other]]:
     started: list[Other] = []
 
     def start() -> Other:
-        started.append(Other())
+        started.append(Other(program))
         return started[-1]
 
     yield start
     for made in started:
         made.end()
+
+
+@pytest.fixture
+def later(cyclone: None, domain: int) -> Iterator[Callable[[], Other]]:
+    """Start a process with the bridge's own Cyclone DDS, at a time of the test's choice."""
+    with _started_later('ros_side.py') as start:
+        yield start
 
 
 @pytest.fixture
@@ -66,15 +73,8 @@ def older(cyclone: None, domain: int) -> Iterator[Callable[[], Other]]:
         ctypes.CDLL(LIBRARY)
     except OSError:
         pytest.skip('Cyclone DDS 0.10, as ROS 2 has it, is not installed: apt-get install libddsc0debian')
-    started: list[Other] = []
-
-    def start() -> Other:
-        started.append(Other('older_side.py'))
-        return started[-1]
-
-    yield start
-    for made in started:
-        made.end()
+    with _started_later('older_side.py') as start:
+        yield start
 
 
 @pytest.fixture

@@ -61,12 +61,6 @@ def test_a_machine_without_a_network_has_no_interface_twice(
     assert ('NetworkInterface' in (Discovery().config() or '')) is has
 
 
-def test_a_robot_that_is_switched_on_later_is_still_asked() -> None:
-    """Cyclone asks for 30 s by itself."""
-    config = ET.fromstring(Discovery.chosen('SUBNET', ('192.0.2.9',), {}).config() or '')
-    assert [entry.text for entry in config.iter('InitialLocatorPruneDelay')] == ['inf']
-
-
 @pytest.mark.parametrize(
     ('wish', 'value', 'local'),
     [('', 'SUBNET', False), ('', 'LOCALHOST', True), ('LOCALHOST', 'SUBNET', True), ('SUBNET', 'LOCALHOST', False)],
@@ -79,9 +73,11 @@ def test_on_a_network_the_configuration_of_cyclone_is_left_to_its_user() -> None
     assert Discovery.chosen('SUBNET', (), {}).config() is None
 
 
-def test_machines_that_are_named_are_asked() -> None:
+def test_machines_that_are_named_are_asked_also_when_they_are_switched_on_later() -> None:
+    """Cyclone asks for 30 s by itself."""
     config = ET.fromstring(Discovery.chosen('SUBNET', ('192.0.2.9',), {}).config() or '')
     assert [peer.attrib['address'] for peer in config.iter('Peer')] == ['localhost', '192.0.2.9']
+    assert [entry.text for entry in config.iter('InitialLocatorPruneDelay')] == ['inf']
 
 
 def test_a_machine_that_nobody_knows_is_refused_before_cyclone_sees_it() -> None:

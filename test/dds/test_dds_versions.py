@@ -25,42 +25,27 @@ def offered(bus: InProcessBus) -> Any:
     return bus.advertise('/skin/wrench', topics.WRENCH.type_name, topics.WRENCH.qos, '/skin/force_estimator')
 
 
-def test_a_ros_2_program_that_starts_after_the_bridge_sees_its_topics(
-    older: StartOther, bridge: Start, bus: InProcessBus
-) -> None:
+@pytest.mark.parametrize(
+    ('set_to', 'is_first'),
+    [
+        pytest.param({}, False, id='it starts after the bridge'),
+        pytest.param({}, True, id='it was there before the bridge'),
+        # By itself Cyclone asks for 30 s; here for the time of a packet: only the other's announcement is left.
+        pytest.param({'_ASK_FOR': '1ms'}, False, id='nobody asks any more who is there'),
+        # As Cyclone 11 is by itself: what comes by the loopback interface is dropped.
+        pytest.param({'_interfaces': str, '_ASK_EVERY': '1s'}, False, id='its announcement is not heard'),
+    ],
+)
+def test_a_ros_2_program_sees_the_topics_of_the_bridge(
+    older: StartOther, bridge: Start, bus: InProcessBus, monkeypatch: pytest.MonkeyPatch,
+    set_to: dict[str, Any], is_first: bool,
+) -> None:  # fmt: skip
+    for name, value in set_to.items():
+        monkeypatch.setattr(settings, name, value)
     offered(bus)
+    earlier = older() if is_first else None
     bridge()
-    assert older().ask('finds', topic=TOPIC)['type'] == TYPE
-
-
-def test_a_ros_2_program_that_was_there_before_the_bridge_sees_its_topics(
-    older: StartOther, bridge: Start, bus: InProcessBus
-) -> None:
-    offered(bus)
-    earlier = older()
-    bridge()
-    assert earlier.ask('finds', topic=TOPIC)['type'] == TYPE
-
-
-def test_it_is_heard_also_when_cyclone_has_given_up_asking_who_is_there(
-    older: StartOther, bridge: Start, bus: InProcessBus, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """After 30 s by itself; here after the time of a packet, so that only the other's announcement is left."""
-    monkeypatch.setattr(settings, '_ASK_FOR', '1ms')
-    offered(bus)
-    bridge()
-    assert older().ask('finds', topic=TOPIC)['type'] == TYPE
-
-
-def test_it_is_asked_also_where_its_announcement_is_not_heard(
-    older: StartOther, bridge: Start, bus: InProcessBus, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Cyclone 11 by itself: what comes by the loopback interface is dropped."""
-    monkeypatch.setattr(settings, '_interfaces', lambda: '')
-    monkeypatch.setattr(settings, '_ASK_EVERY', '1s')
-    offered(bus)
-    bridge()
-    assert older().ask('finds', topic=TOPIC)['type'] == TYPE
+    assert (earlier or older()).ask('finds', topic=TOPIC)['type'] == TYPE
 
 
 def test_a_late_reader_of_the_older_cyclone_gets_a_wrench(older: StartOther, bridge: Start, bus: InProcessBus) -> None:

@@ -33,14 +33,8 @@ def run(words: list[str], env: dict[str, str], timeout_s: float = 60.0, cwd: Pat
     """
     assert shutil.which(words[0], path=env.get('PATH')), f'there is no program {words[0]}'
     ended = subprocess.run(
-        words,
-        env=env,
-        cwd=cwd or tempfile.gettempdir(),
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
+        words, env=env, cwd=cwd or tempfile.gettempdir(), capture_output=True, text=True, timeout=timeout_s,
+        check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
     assert ended.returncode == 0, f'{" ".join(words)}\n{ended.stdout}\n{ended.stderr}'
     return ended.stdout

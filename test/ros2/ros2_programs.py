@@ -23,14 +23,9 @@ class Program:
     def __init__(self, words: Sequence[str], said: Path, **options: Any) -> None:
         with said.open('w', encoding='utf-8') as stream:
             self.process = subprocess.Popen(
-                words,
-                stdout=stream,
-                stderr=stream,
-                stdin=subprocess.DEVNULL,
-                text=True,
-                start_new_session=True,
+                words, stdout=stream, stderr=stream, stdin=subprocess.DEVNULL, text=True, start_new_session=True,
                 **options,
-            )
+            )  # fmt: skip
 
     def send(self, number: int) -> None:
         """To the whole group, as Ctrl-C does; to those of it who are left."""

@@ -21,12 +21,7 @@ from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.ros2.ends import receiving
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.errors import (
-    BusError,
-    ConfigurationError,
-    ServiceTimeoutError,
-    ServiceUnavailableError,
-)
+from tactile_nodes.errors import BusError, ConfigurationError, ServiceTimeoutError, ServiceUnavailableError
 from tactile_nodes.messages import services, types
 
 NUMBER = 'std_msgs/msg/Int64'
@@ -46,9 +41,18 @@ def _connected(publisher: Any, until: Until, count: int = 1) -> Any:
     return publisher
 
 
+def _next(subscription: Subscription) -> Received:
+    received = subscription.get(10.0)
+    assert received is not None
+    return received
+
+
 def _taken(subscription: Subscription, count: int) -> list[int]:
-    received = [subscription.get(10.0) for _ in range(count)]
-    return [entry.message.data for entry in received if entry is not None]
+    return [_next(subscription).message.data for _ in range(count)]
+
+
+def _trigger(bus: Any, name: str, timeout_s: float = 20.0) -> Any:
+    return bus.call(name, services.TRIGGER, types.Trigger_Request(), timeout_s)
 
 
 def _heard(subscription: Subscription, publisher: Any, message: Any, until: Until) -> Any:
@@ -65,9 +69,7 @@ def test_message_travels_as_the_bytes_of_our_codec(join: Join, until: Until) -> 
     data = messages.encode(message)
     publisher.publish(message)
     publisher.publish_bytes(data)
-    first, second = subscription.get(10.0), subscription.get(10.0)
-    assert first is not None
-    assert second is not None
+    first, second = _next(subscription), _next(subscription)
     assert (first.data[: len(data)], second.data[: len(data)]) == (data, data)
     assert first.message.data.tolist() == [0, 1, 2, 3, 4, 5]
 
@@ -80,26 +82,20 @@ def test_callbacks_that_get_the_message_alone_as_in_humble_do(
     bus = join()
     subscription = bus.subscribe('/n', NUMBER, QUEUE)
     _connected(bus.advertise('/n', NUMBER, QUEUE), until).publish(_number(7))
-    received = subscription.get(10.0)
-    assert received is not None
+    received = _next(subscription)
     assert (received.message.data, received.source_ns) == (7, received.received_ns)
 
 
-def test_subscriber_of_the_same_process_gets_it_too(join: Join, until: Until) -> None:
-    bus = join()
-    subscription = bus.subscribe('/n', NUMBER, QUEUE)
-    _connected(bus.advertise('/n', NUMBER, QUEUE), until).publish(_number(7))
-    assert _taken(subscription, 1) == [7]
-
-
-def test_message_is_stamped_on_the_time_base_of_the_host(join: Join, until: Until) -> None:
+def test_subscriber_of_the_same_process_gets_it_too_stamped_on_the_time_base_of_the_host(
+    join: Join, until: Until
+) -> None:
     bus = join()
     subscription = bus.subscribe('/n', NUMBER, QUEUE)
     publisher = _connected(bus.advertise('/n', NUMBER, QUEUE), until)
     before_ns = bus.clock.now_ns()
     publisher.publish(_number(1))
-    received = subscription.get(10.0)
-    assert received is not None
+    received = _next(subscription)
+    assert received.message.data == 1
     assert before_ns - 5_000_000 <= received.source_ns <= received.received_ns + 5_000_000
     assert received.received_ns <= bus.clock.now_ns()
 
@@ -155,9 +151,7 @@ def test_what_nodes_said_is_kept_for_who_looks_later(join: Join, until: Until) -
     bus.advertise(topic.name, topic.type_name, topic.qos).publish(types.Log(msg='hello'))
     looker = join()
     until(lambda: looker.graph().publishers(topic.name))
-    received = looker.subscribe(topic.name, topic.type_name, QUEUE).get(10.0)
-    assert received is not None
-    assert received.message.msg == 'hello'
+    assert _next(looker.subscribe(topic.name, topic.type_name, QUEUE)).message.msg == 'hello'
 
 
 def test_clock_that_was_set_after_the_boot_is_warned_of(
@@ -204,9 +198,7 @@ def test_service_may_answer_later_while_messages_go_on(join: Join, until: Until)
     subscription = bus.subscribe('/n', NUMBER, QUEUE)
     publisher = _connected(caller.advertise('/n', NUMBER, QUEUE), until)
     answers: list[Any] = []
-    thread = threading.Thread(
-        target=lambda: answers.append(caller.call('/s', services.TRIGGER, types.Trigger_Request(), 20.0))
-    )
+    thread = threading.Thread(target=lambda: answers.append(_trigger(caller, '/s')))
     thread.start()
     until(lambda: waiting)
     publisher.publish(_number(3))
@@ -223,7 +215,7 @@ def test_two_calls_wait_for_their_answers_at_the_same_time(join: Join, until: Un
     answers: list[str] = []
 
     def ask() -> None:
-        answers.append(caller.call('/s', services.TRIGGER, types.Trigger_Request(), 20.0).message)
+        answers.append(_trigger(caller, '/s').message)
 
     threads = [threading.Thread(target=ask) for _ in range(2)]
     for thread in threads:
@@ -245,7 +237,7 @@ def test_refusal_of_a_trigger_is_its_message(join: Join, later: bool) -> None:
         reply(ConfigurationError('no rest image yet'))
 
     join().serve('/s', services.TRIGGER, refuse)
-    response = join().call('/s', services.TRIGGER, types.Trigger_Request())
+    response = _trigger(join(), '/s')
     assert (response.success, response.message) == (False, 'no rest image yet')
 
 
@@ -263,22 +255,20 @@ def test_bug_in_a_handler_neither_ends_receiving_nor_leaves_the_caller_waiting(
     bus.serve('/bad', services.TRIGGER, lambda request, reply: 1 / 0)
     bus.serve('/good', services.TRIGGER, lambda request, reply: reply(types.Trigger_Response(success=True)))
     caller = join()
-    assert (
-        'the service failed because of a bug' in caller.call('/bad', services.TRIGGER, types.Trigger_Request()).message
-    )
-    assert caller.call('/good', services.TRIGGER, types.Trigger_Request()).success
+    assert 'the service failed because of a bug' in _trigger(caller, '/bad').message
+    assert _trigger(caller, '/good').success
     assert 'ZeroDivisionError' in capfd.readouterr().err
 
 
 def test_call_of_nobody_says_how_to_look_for_services(join: Join) -> None:
     with pytest.raises(ServiceUnavailableError, match=r'no node offers the service /s; .*tactile service list'):
-        join().call('/s', services.TRIGGER, types.Trigger_Request(), timeout_s=0.5)
+        _trigger(join(), '/s', 0.5)
 
 
 def test_call_without_an_answer_ends_after_its_timeout(join: Join) -> None:
     join().serve('/s', services.TRIGGER, lambda request, reply: None)
     with pytest.raises(ServiceTimeoutError, match=r'no response from /s within 1 s'):
-        join().call('/s', services.TRIGGER, types.Trigger_Request(), timeout_s=1.0)
+        _trigger(join(), '/s', 1.0)
 
 
 def test_service_is_served_once_and_again_after_it_was_closed(join: Join) -> None:
@@ -288,7 +278,7 @@ def test_service_is_served_once_and_again_after_it_was_closed(join: Join) -> Non
         bus.serve('/s', services.TRIGGER, lambda request, reply: None, '/b')
     first.close()
     bus.serve('/s', services.TRIGGER, lambda request, reply: reply(types.Trigger_Response(message='b')), '/b')
-    assert join().call('/s', services.TRIGGER, types.Trigger_Request()).message == 'b'
+    assert _trigger(join(), '/s').message == 'b'
 
 
 # --- the graph --------------------------------------------------------------------------------------------------
@@ -323,8 +313,7 @@ def test_numbers_of_messages_grow_by_one(join: Join, until: Until) -> None:
     publisher = _connected(bus.advertise('/n', NUMBER, QUEUE), until)
     for number in range(3):
         publisher.publish(_number(number))
-    received: list[Received | None] = [subscription.get(10.0) for _ in range(3)]
-    first, *others = [entry.sequence for entry in received if entry]
+    first, *others = [_next(subscription).sequence for _ in range(3)]
     assert others == [first + 1, first + 2]
 
 
@@ -333,9 +322,7 @@ def test_numbers_begin_with_the_publishers_own_where_the_middleware_tells_it(rep
     subscription = Subscription('/n', NUMBER, QUEUE, '/node', None, lambda _: None)
     receive = receiving(subscription, SystemClock())
     receive(messages.encode(_number(7)), {'publication_sequence_number': reported})
-    received = subscription.get(30.0)
-    assert received is not None
-    assert received.sequence == number
+    assert _next(subscription).sequence == number
 
 
 def test_many_threads_may_publish_and_make_ends_at_once(join: Join, until: Until) -> None:
@@ -363,7 +350,7 @@ def test_closing_takes_less_than_two_seconds_although_a_call_waits(join: Join, u
 
     def ask() -> None:
         with pytest.raises(ServiceTimeoutError):
-            caller.call('/s', services.TRIGGER, types.Trigger_Request(), 3.0)
+            _trigger(caller, '/s', 3.0)
 
     thread = threading.Thread(target=ask)
     thread.start()

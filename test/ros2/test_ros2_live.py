@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,6 +13,7 @@ from ros2_here import ROOT, needs_ros, run
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.nodes.camera import CameraNode
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
@@ -26,24 +26,14 @@ Until = Callable[[Callable[[], Any]], Any]
 
 
 @pytest.mark.timeout(180)
-def test_force_of_a_simulated_gel_comes_out_of_the_graph(join: Join) -> None:
+def test_force_of_a_simulated_gel_comes_out_of_the_graph(join: Join, spinning: Callable[[Node], Node]) -> None:
     arguments = parse_arguments(['--ros-args', '-r', '__ns:=/skin', '--params-file', str(ROOT / 'config/live.yaml')])
     robot = join()
     topic = topics.FORCE_DISTRIBUTION
     forces = robot.subscribe(f'/skin/{topic.name}', topic.type_name, Qos('queue', 1000))
-    nodes = [kind(join(), arguments) for kind in (ForceEstimatorNode, FlowFeaturesNode, CameraNode)]
-    threads = [threading.Thread(target=node.spin) for node in nodes]
-    try:
-        for thread in threads:
-            thread.start()
-        received = forces.get(90.0)
-    finally:
-        for node in nodes:
-            node.stop()
-        for thread in threads:
-            thread.join(10.0)
-        for node in nodes:
-            node.close()
+    for kind in (ForceEstimatorNode, FlowFeaturesNode, CameraNode):
+        spinning(kind(join(), arguments))
+    received = forces.get(90.0)
     assert received is not None
     assert received.message.provenance.model
     assert received.message.normal_force.shape == (received.message.rows * received.message.cols,)

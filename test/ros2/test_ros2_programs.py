@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ros2_programs import Program
 
+Until = Callable[[Callable[[], Any]], Any]
 # What `ros2 run` does: it goes on waiting for its child when it is interrupted itself.
 _LIKE_ROS2_RUN = """
 import subprocess, sys
@@ -25,14 +27,6 @@ _SAYS_ITS_NUMBER = 'import os, signal; {first}; print(os.getpid(), flush=True); 
 _DEAF = 'signal.signal(signal.SIGINT, signal.SIG_IGN)'
 
 
-def _number(said: Path) -> int:
-    deadline_s = time.monotonic() + 60.0
-    while not said.read_text():
-        assert time.monotonic() < deadline_s, 'the child never said its number'
-        time.sleep(0.02)
-    return int(said.read_text().split()[0])
-
-
 def _is_there(number: int) -> bool:
     """Running, that is: who has ended and was not asked for yet counts as gone."""
     try:
@@ -42,27 +36,23 @@ def _is_there(number: int) -> bool:
 
 
 @pytest.mark.parametrize('first', ['pass', _DEAF], ids=['listens', 'deaf'])
-def test_a_child_of_a_program_ends_with_it_even_one_that_ignores_sigint(first: str, tmp_path: Path) -> None:
+def test_a_child_of_a_program_ends_with_it_even_one_that_ignores_sigint(
+    first: str, tmp_path: Path, until: Until
+) -> None:
     said = tmp_path / 'said.txt'
     code = _LIKE_ROS2_RUN.format(child=_SAYS_ITS_NUMBER.format(first=first))
     program = Program([sys.executable, '-c', code], said)
-    child = _number(said)
+    child = int(until(said.read_text))
     program.end(within_s=60.0 if first == 'pass' else 0.2)
-    deadline_s = time.monotonic() + 60.0
-    while _is_there(child) and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    assert not _is_there(child)
+    until(lambda: not _is_there(child))
 
 
-def test_a_child_that_outlives_its_program_is_ended_too(tmp_path: Path) -> None:
+def test_a_child_that_outlives_its_program_is_ended_too(tmp_path: Path, until: Until) -> None:
     said = tmp_path / 'said.txt'
     code = f'import subprocess, sys; subprocess.Popen([sys.executable, "-c", {_SAYS_ITS_NUMBER.format(first=_DEAF)!r}])'
     program = Program([sys.executable, '-c', code], said)
-    child = _number(said)
+    child = int(until(said.read_text))
     program.process.wait(60.0)
     assert os.getpgid(child) == program.process.pid
     program.end(signal.SIGINT)
-    deadline_s = time.monotonic() + 60.0
-    while _is_there(child) and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    assert not _is_there(child)
+    until(lambda: not _is_there(child))

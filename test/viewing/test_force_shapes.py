@@ -20,19 +20,10 @@ def force(status: int = FORCE.STATUS_OK, touched: bool = True) -> types.ForceDis
     values[5] = 0.5
     place = types.Point(x=0.002, y=0.0015)
     return FORCE(
-        header=HEAD,
-        rows=2,
-        cols=3,
-        bin_width=0.002,
-        bin_height=0.003,
-        origin=types.Point(x=-0.003, y=-0.003),
-        normal_force=values,
-        total=0.5,
-        in_contact=touched,
-        contact=place,
+        header=HEAD, rows=2, cols=3, bin_width=0.002, bin_height=0.003, origin=types.Point(x=-0.003, y=-0.003),
+        normal_force=values, total=0.5, in_contact=touched, contact=place, status=status,
         contacts=[types.Contact(position=place, force=0.5, length=math.nan)] if touched else [],
-        status=status,
-    )
+    )  # fmt: skip
 
 
 def points(message: types.PointCloud2) -> np.ndarray:

@@ -15,24 +15,19 @@ from tactile_nodes.viewing.state import ViewState, complaint, reason_names, sile
 # --- stages and rates -------------------------------------------------------------------------------------------
 
 
-def test_transport_is_what_is_in_no_stage() -> None:
-    stages = types.StageTimes(acquire=0.004, flow=0.005, features=0.001, predict=0.002, transport=0.5)
-    times = stage_times(stages, 0.015)
-    assert times == pytest.approx((0.004, 0.005, 0.001, 0.002, 0.003, 0.015))
-
-
-def test_a_stage_that_was_not_measured_counts_as_transport() -> None:
-    stages = types.StageTimes(acquire=NAN, flow=0.005, features=0.0, predict=0.0, transport=0.0)
-    times = stage_times(stages, 0.015)
-    assert math.isnan(times[0])
-    assert times[4] == pytest.approx(0.010)
-
-
-def test_a_bag_that_is_played_later_has_no_latency() -> None:
-    """Views showed the minutes or days since it was recorded."""
-    times = stage_times(types.StageTimes(acquire=0.004, flow=0.005, features=0.0, predict=0.0), 200.0)
-    assert times[:4] == pytest.approx((0.004, 0.005, 0.0, 0.0))
-    assert all(map(math.isnan, times[4:]))
+@pytest.mark.parametrize(
+    ('acquire', 'total', 'transport', 'latency'),
+    [
+        pytest.param(0.004, 0.015, 0.003, 0.015, id='transport is what is in no stage'),
+        pytest.param(NAN, 0.015, 0.007, 0.015, id='a stage that was not measured counts as transport'),
+        # Views showed the minutes or days since it was recorded.
+        pytest.param(0.004, 200.0, NAN, NAN, id='a bag that is played later has no latency'),
+    ],
+)
+def test_each_stage_has_its_time(acquire: float, total: float, transport: float, latency: float) -> None:
+    stages = types.StageTimes(acquire=acquire, flow=0.005, features=0.001, predict=0.002, transport=0.5)
+    expected = (acquire, 0.005, 0.001, 0.002, transport, latency)
+    assert stage_times(stages, total) == pytest.approx(expected, nan_ok=True)
 
 
 def test_rates_come_from_arrivals_and_from_stamps() -> None:
@@ -82,18 +77,19 @@ def test_durations_beyond_the_histogram_count_at_its_ends() -> None:
 # --- drops ------------------------------------------------------------------------------------------------------
 
 
-def test_gaps_in_the_stamps_are_frames_that_were_skipped() -> None:
+@pytest.mark.parametrize(
+    ('numbers', 'skipped'),
+    [
+        pytest.param((*range(12), 13, 14, 18), 4, id='one is missing, then three'),
+        pytest.param((*range(20), 20 + 60 * 50), 60 * 50, id='the camera was away for a minute'),
+        pytest.param((0, 1, 2, 9), 0, id='too few intervals to know the usual one'),
+    ],
+)
+def test_gaps_in_the_stamps_are_frames_that_were_skipped(numbers: tuple[int, ...], skipped: int) -> None:
     gaps = StampGaps()
-    for number in (*range(12), 13, 14, 18):  # one is missing, then three
-        gaps.add(number * 16 * MS, number * 16 * MS)
-    assert gaps.total == 4
-
-
-def test_a_few_intervals_are_too_few_to_know_the_usual_one() -> None:
-    gaps = StampGaps()
-    for number in (0, 1, 2, 9):
-        gaps.add(number * 16 * MS, number * 16 * MS)
-    assert gaps.total == 0
+    for number in numbers:
+        gaps.add(number * 20 * MS, number * 20 * MS + 5 * MS)
+    assert gaps.total == skipped
 
 
 def test_a_stream_that_begins_again_is_no_gap() -> None:
@@ -112,13 +108,6 @@ def test_a_recording_of_a_later_day_is_no_gap_and_does_not_change_the_rate() -> 
     shot = state.summary(S)
     assert shot.skipped == 0
     assert shot.stamps_hz == pytest.approx(50.0)
-
-
-def test_a_camera_that_was_away_for_a_minute_has_skipped_its_frames() -> None:
-    gaps = StampGaps()
-    for number in (*range(20), 20 + 60 * 50):  # at 50 Hz
-        gaps.add(number * 20 * MS, number * 20 * MS + 5 * MS)
-    assert gaps.total == 60 * 50
 
 
 def test_forces_that_did_not_come_are_counted_from_their_numbers() -> None:
@@ -196,17 +185,11 @@ def test_a_recording_that_is_played_again_is_shown_from_its_beginning() -> None:
     assert state.snapshot(5060 * MS).force.total == pytest.approx(0.04)
 
 
-def test_without_truth_the_last_force_is_shown() -> None:
+@pytest.mark.parametrize('truths', [0, 1])
+def test_without_truth_and_when_truths_end_the_last_force_is_shown(truths: int) -> None:
     state = ViewState()
-    state.add_force(received(force(10, (0, 0.4, 0, 0)), 20))
-    shot = state.snapshot(40 * MS)
-    assert shot.pair is None
-    assert shot.force.total == pytest.approx(0.4)
-
-
-def test_when_truths_end_the_last_force_is_shown_again() -> None:
-    state = ViewState()
-    state.add_truth(received(force(10), 11))
+    for _ in range(truths):
+        state.add_truth(received(force(10), 11))
     state.add_force(received(force(10), 20))
     state.add_force(received(force(2000, (0, 0.4, 0, 0)), 2010, 2))
     shot = state.snapshot(2020 * MS)
@@ -217,16 +200,12 @@ def test_when_truths_end_the_last_force_is_shown_again() -> None:
 # --- the whole --------------------------------------------------------------------------------------------------
 
 
-def test_latency_is_from_the_capture_to_the_arrival() -> None:
+def test_latency_is_from_the_capture_to_the_arrival_and_age_from_there_on() -> None:
     state = ViewState()
     state.add_force(received(force(100), 112.5))
-    assert state.snapshot(120 * MS).latencies['end to end'].p50 == pytest.approx(0.0125)
-
-
-def test_the_age_of_the_last_force_is_known() -> None:
-    state = ViewState()
-    state.add_force(received(force(100), 110))
-    assert state.snapshot(1610 * MS).age_s == pytest.approx(1.5)
+    shot = state.snapshot(round(1612.5 * MS))
+    assert shot.latencies['end to end'].p50 == pytest.approx(0.0125)
+    assert shot.age_s == pytest.approx(1.5)
 
 
 def test_the_summary_is_of_the_whole_time() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsing import IN_CHROMIUM, expect, opened, started
+from browsing import IN_CHROMIUM, expect, opened
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -76,12 +76,6 @@ def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loads_n: dict[str, tupl
     for thread in threads:
         thread.join()
     bus.close()
-
-
-@pytest.fixture(scope='module')
-def chromium() -> Iterator[Any]:
-    with started() as made:
-        yield made
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ HEAD = '  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrn
 ROW = '   {n}: {peer} {here} {state} 00000000:00000000 00:00000000 00000000  {uid}        0 {inode} 1 0 20 0 0 10 -1\n'
 PEER, HERE = ('127.0.0.1', 33710), ('127.0.0.1', 7470)
 IN_TABLE = {'peer': '0100007F:83AE', 'here': '0100007F:1D2E', 'state': '01', 'uid': '1000', 'inode': '40150'}
-WIDE = '0000000000000000FFFF0000'
 pytestmark = pytest.mark.skipif(sys.byteorder != 'little', reason='the rows below are of a little-endian machine')
 
 
@@ -52,22 +51,23 @@ def test_other_rows_name_nobody(tmp_path: Path, row: dict[str, str]) -> None:
     assert account_of(PEER, HERE, table(tmp_path, row)) is None
 
 
-def test_who_has_said_all_and_still_listens_is_known(tmp_path: Path) -> None:
-    assert account_of(PEER, HERE, table(tmp_path, {'state': '05'})) == 1000
+MAPPED = {name: '0000000000000000FFFF0000' + IN_TABLE[name] for name in ('peer', 'here')}
+WIDE = {name: '00000000000000000000000001000000:' + IN_TABLE[name][-4:] for name in ('peer', 'here')}
 
 
-@pytest.mark.parametrize('peer', [PEER, ('::ffff:127.0.0.1', 33710)])
-def test_a_program_that_connects_through_ipv6_to_an_ipv4_address_is_known(
-    tmp_path: Path, peer: tuple[str, int]
+@pytest.mark.parametrize(
+    ('row', 'peer', 'here'),
+    [
+        pytest.param({'state': '05'}, PEER, HERE, id='has said all and still listens'),
+        pytest.param(MAPPED, PEER, HERE, id='through IPv6 to an IPv4 address'),
+        pytest.param(MAPPED, ('::ffff:127.0.0.1', 33710), HERE, id='the same, told by its IPv6 address'),
+        pytest.param(WIDE, ('::1', 33710), ('::1', 7470), id='IPv6'),
+    ],
+)
+def test_connections_of_all_kinds_are_known(
+    tmp_path: Path, row: dict[str, str], peer: tuple[str, int], here: tuple[str, int]
 ) -> None:
-    row = {name: WIDE + IN_TABLE[name] for name in ('peer', 'here')}
-    assert account_of(peer, HERE, table(tmp_path, row)) == 1000
-
-
-def test_an_ipv6_connection_is_known(tmp_path: Path) -> None:
-    one = '00000000000000000000000001000000'
-    row = {'peer': f'{one}:83AE', 'here': f'{one}:1D2E'}
-    assert account_of(('::1', 33710), ('::1', 7470), table(tmp_path, row)) == 1000
+    assert account_of(peer, here, table(tmp_path, row)) == 1000
 
 
 def test_a_connection_of_this_process_is_ours(listening: socket.socket) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsing import IN_CHROMIUM, PATIENCE_MS, SIZE, expect, opened, started
+from browsing import IN_CHROMIUM, PATIENCE_MS, SIZE, expect, opened
 from matplotlib import colormaps
 from seen import ring
 
@@ -109,12 +109,6 @@ class Running:
     def end(self) -> None:
         """End what was started last."""
         self.ends.pop()()
-
-
-@pytest.fixture(scope='module')
-def chromium() -> Iterator[Any]:
-    with started() as made:
-        yield made
 
 
 @pytest.fixture
@@ -313,6 +307,10 @@ def test_an_invalid_force_is_no_number_and_the_reason_is_a_sentence(page: Any, s
     text(page, '#total').to_have_text('–')
 
 
+# What the page says of fields that have not changed for 5 s.
+TOLD = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"
+
+
 def test_when_nothing_comes_what_is_most_wrong_is_named(page: Any) -> None:
     sentences = {
         ('warning', 'error'): 'No data for 5 s. /flow: it is flow',
@@ -320,13 +318,12 @@ def test_when_nothing_comes_what_is_most_wrong_is_named(page: Any) -> None:
         ('ok', 'warning'): 'No data for 5 s. /flow: it is flow',
         ('ok', 'ok'): 'No data for 5 s.',
     }
-    told = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"
     for levels, sentence in sentences.items():
         health = [
             {'node': f'/{name}', 'level': level, 'text': f'it is {name}', 'silent_s': None}
             for name, level in zip(('camera', 'flow'), levels, strict=True)
         ]
-        assert page.evaluate(told, {'force': {}, 'slow': {'health': health}}) == ['nodata', 'NO DATA', sentence]
+        assert page.evaluate(TOLD, {'force': {}, 'slow': {'health': health}}) == ['nodata', 'NO DATA', sentence]
 
 
 def test_a_live_view_that_hangs_is_no_sensor_that_sends_nothing(page: Any) -> None:
@@ -348,12 +345,11 @@ def test_a_live_view_that_hangs_is_no_sensor_that_sends_nothing(page: Any) -> No
 
 def test_a_node_that_was_silent_long_before_the_data_ended_is_not_named(page: Any) -> None:
     """A recorder that ended an hour ago, say. The camera was lost with its last words."""
-    told = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"
     recorder = {'node': '/bag_recorder', 'level': 'error', 'text': 'bag: the disk is full', 'silent_s': 3600.0}
     for level, sentence in {'error': '/camera: camera: lost', 'ok': 'Silent: /camera, /flow.'}.items():
         camera = {'node': '/camera', 'level': level, 'text': 'camera: lost', 'silent_s': 6.0}
         flow = {**camera, 'node': '/flow', 'level': 'ok'}
-        found = page.evaluate(told, {'force': {}, 'slow': {'health': [recorder, camera, flow]}})
+        found = page.evaluate(TOLD, {'force': {}, 'slow': {'health': [recorder, camera, flow]}})
         assert found == ['nodata', 'NO DATA', f'No data for 5 s. {sentence}']
 
 
@@ -534,11 +530,13 @@ def test_one_page_too_many_says_so_and_watches_once_another_is_closed(chromium: 
         assert other.faults == []
 
 
-@pytest.mark.usefixtures('own_sensor')
-def test_a_guest_watches_and_finds_the_buttons_closed(
-    chromium: Any, running: Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def of_another_account(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
+
+
+@pytest.mark.usefixtures('own_sensor', 'of_another_account')
+def test_a_guest_watches_and_finds_the_buttons_closed(chromium: Any, running: Running) -> None:
     running.bus.serve('/flow_features/capture_reference', services.TRIGGER, lambda request, reply: None)
     node = running.start(LiveViewNode, port=0, guests='watch')
     with opened(chromium, node.server.url) as page:
@@ -547,12 +545,9 @@ def test_a_guest_watches_and_finds_the_buttons_closed(
         expect(page.locator('#rest')).to_be_disabled()
 
 
-def test_another_account_reads_why_it_sees_nothing(
-    chromium: Any, running: Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
-    node = running.start(LiveViewNode, port=0)
-    with opened(chromium, node.server.url) as page:
+@pytest.mark.usefixtures('of_another_account')
+def test_another_account_reads_why_it_sees_nothing(chromium: Any, url: str) -> None:
+    with opened(chromium, url) as page:
         text(page, 'body').to_contain_text('This server is for the user who started it')
 
 

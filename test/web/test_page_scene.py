@@ -81,12 +81,16 @@ def test_contacts_travel_in_millimetres_with_what_is_known_of_them() -> None:
     assert found['sigma_n'] is None
 
 
-def test_a_field_travels_in_kilopascals_beside_the_force_of_its_stamp() -> None:
+def of_ring() -> Scene:
+    """A force and its field, of 10 ms, have come."""
     scene = Scene()
-    force, field = ring(10 * MS)
-    scene.add_force(received(force, 11))
-    scene.add_field(received(field, 11))
-    fields, sections, _ = seen(scene, 12)
+    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
+        take(received(message, 11))
+    return scene
+
+
+def test_a_field_travels_in_kilopascals_beside_the_force_of_its_stamp() -> None:
+    fields, sections, _ = seen(of_ring(), 12)
     assert (fields['surface']['rows'], fields['surface']['cols']) == (CELLS, CELLS)
     assert fields['surface']['cell_mm'] + fields['surface']['origin_mm'] == pytest.approx([1.0, 1.0, -18.0, -18.0])
     pressure, along_x, _, outline = np.frombuffer(sections['surface'], '<f4').reshape(-1, 4).T
@@ -99,20 +103,15 @@ def test_net_shear_torsion_and_explanation_travel_and_what_is_not_known_is_null(
     scene = Scene()
     scene.add_force(received(ring(10 * MS)[0], 11))
     net = seen(scene, 12)[0]['force']['net']
-    assert (net['explanation'], net['shear_n'], net['torsion_n_mm']) == (
-        'field',
-        pytest.approx(0.6),
-        pytest.approx(4.0),
-    )
+    assert net['explanation'] == 'field'
+    assert (net['shear_n'], net['torsion_n_mm']) == pytest.approx((0.6, 4.0))
     fields = conversions.force_fields(np.ones((9, 9), np.float32), BinGrid(9, 9, 36.0, 36.0))
     scene.add_force(received(types.ForceDistribution(header=conversions.header(20 * MS, ''), **fields), 21))
     assert seen(scene, 22)[0]['force']['net']['shear_n'] is None
 
 
 def test_a_force_waits_a_moment_for_its_field_so_that_the_picture_does_not_flicker() -> None:
-    scene = Scene()
-    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
-        take(received(message, 11))
+    scene = of_ring()
     scene.add_force(received(ring(26 * MS)[0], 27))
     fields, sections, _ = seen(scene, 28)
     assert fields['force']['stamp_s'] == pytest.approx(0.010)
@@ -122,9 +121,7 @@ def test_a_force_waits_a_moment_for_its_field_so_that_the_picture_does_not_flick
 
 
 def test_a_force_is_shown_without_a_field_when_none_comes_any_more() -> None:
-    scene = Scene()
-    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
-        take(received(message, 11))
+    scene = of_ring()
     scene.add_force(received(ring(120 * MS)[0], 121))
     fields, sections, _ = seen(scene, 122)
     assert fields['force']['stamp_s'] == pytest.approx(0.120)
@@ -132,9 +129,7 @@ def test_a_force_is_shown_without_a_field_when_none_comes_any_more() -> None:
 
 
 def test_an_invalid_force_waits_for_nothing() -> None:
-    scene = Scene()
-    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
-        take(received(message, 11))
+    scene = of_ring()
     scene.add_force(received(ring(26 * MS, types.ForceDistribution.STATUS_INVALID)[0], 27))
     assert seen(scene, 28)[0]['force']['status'] == 'invalid'
 
@@ -232,20 +227,24 @@ def test_recording_is_what_the_recorder_says_of_itself() -> None:
     found = Recording('/left')
     assert found.summary(0) is None
     found.add_diagnostics(received(recorder('left/recorder: bag', 'nothing is being recorded')))
-    summary = found.summary(0)
-    assert summary is not None
-    assert summary['on'] is False
+    assert (found.summary(0) or {})['on'] is False
     busy = recorder(
         'left/recorder: bag', 'into x', seconds='2.5', messages='300', lost='3', lost_of='/image_raw 3', bag='/x'
     )
     found.add_diagnostics(received(busy))
     found.add_diagnostics(received(recorder('right/recorder: bag', 'another')))
-    summary = found.summary(0)
     lost = {'lost': 3, 'lost_of': '/image_raw 3'}
-    assert summary == {'on': True, 'seconds': 2.5, 'messages': 300, **lost, 'bag': '/x', 'well': True, 'text': 'into x'}
+    assert found.summary(0) == {
+        'on': True,
+        'seconds': 2.5,
+        'messages': 300,
+        **lost,
+        'bag': '/x',
+        'well': True,
+        'text': 'into x',
+    }
     found.add_diagnostics(received(recorder('left/recorder: bag', 'wrote it into /x', messages='300', bag='/x')))
-    ended = found.summary(0)
-    assert ended is not None
+    ended = found.summary(0) or {}
     assert (ended['on'], ended['bag'], ended['text']) == (False, '/x', 'wrote it into /x')
 
 
@@ -276,15 +275,13 @@ def test_the_words_of_nodes_reach_the_page() -> None:
 def test_whether_the_calibration_still_holds_is_reported_in_the_words_of_who_judges() -> None:
     scene = Scene()
     assert seen(scene, 1000)[0]['slow']['calibration'] is None
-    state = types.CalibrationState(level=types.CalibrationState.LEVEL_AGEING, text='the lamp is dim')
-    scene.add_calibration(received(state))
-    assert seen(scene, 2000)[0]['slow']['calibration'] == {'level': 'ageing', 'text': 'the lamp is dim'}
-
-
-def test_of_a_model_that_nobody_calibrated_the_page_says_so() -> None:
-    scene = Scene()
-    scene.add_calibration(received(types.CalibrationState(level=types.CalibrationState.LEVEL_UNCALIBRATED, text='so')))
-    assert seen(scene, 1000)[0]['slow']['calibration'] == {'level': 'not calibrated', 'text': 'so'}
+    kind = types.CalibrationState
+    for number, (level, name) in enumerate(
+        ((kind.LEVEL_AGEING, 'ageing'), (kind.LEVEL_UNCALIBRATED, 'not calibrated'))
+    ):
+        scene.add_calibration(received(kind(level=level, text='the lamp is dim')))
+        calibration = seen(scene, 2000 + 1000 * number)[0]['slow']['calibration']
+        assert calibration == {'level': name, 'text': 'the lamp is dim'}
 
 
 def test_every_reason_has_a_sentence() -> None:

@@ -8,7 +8,8 @@ import json
 import os
 import socket
 import threading
-from collections.abc import Coroutine, Iterator
+from collections.abc import AsyncIterator, Coroutine, Iterator
+from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -75,8 +76,20 @@ async def status_of(method: str, url: str, **headers: str) -> int:
         return response.status
 
 
-async def may_act(served: Served) -> bool:
+async def page_of(served: Served, status: int = 200) -> str:
+    async with aiohttp.ClientSession() as session, session.get(served.url + '/') as response:
+        assert response.status == status
+        return await response.text()
+
+
+@asynccontextmanager
+async def watching(served: Served) -> AsyncIterator[aiohttp.ClientWebSocketResponse]:
     async with aiohttp.ClientSession() as session, session.ws_connect(served.socket_url, origin=served.url) as channel:
+        yield channel
+
+
+async def may_act(served: Served) -> bool:
+    async with watching(served) as channel:
         return bool(json.loads(await channel.receive_str())['may_act'])
 
 
@@ -106,12 +119,7 @@ def test_the_page_and_all_that_it_names_are_served(served: Served) -> None:
 
 
 def test_nothing_of_the_page_comes_from_the_internet(served: Served) -> None:
-    async def talk() -> str:
-        async with aiohttp.ClientSession() as session, session.get(served.url + '/') as response:
-            return await response.text()
-
-    text = run(talk())
-    assert '//' not in text.replace('http://www.w3.org', '')
+    assert '//' not in run(page_of(served)).replace('http://www.w3.org', '')
 
 
 def test_a_name_that_was_pointed_here_is_refused(served: Served) -> None:
@@ -136,10 +144,7 @@ def test_another_page_cannot_watch(served: Served, origin: str | None) -> None:
 
 def test_a_viewer_gets_what_is_shown_and_no_more_than_it_draws(served: Served) -> None:
     async def talk() -> list[bytes]:
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(served.socket_url, origin=served.url) as channel,
-        ):
+        async with watching(served) as channel:
             await channel.receive_str()
             got = []
             for number in range(IN_FLIGHT):
@@ -157,7 +162,7 @@ def test_a_viewer_gets_what_is_shown_and_no_more_than_it_draws(served: Served) -
 
 def test_coming_and_going_is_reported(served: Served) -> None:
     async def talk() -> None:
-        async with aiohttp.ClientSession() as session, session.ws_connect(served.socket_url, origin=served.url):
+        async with watching(served):
             assert await asyncio.to_thread(served.came_or_went.acquire, timeout=PATIENCE_S)
             assert served.server.watching == 1
 
@@ -168,12 +173,7 @@ def test_coming_and_going_is_reported(served: Served) -> None:
 
 def test_one_page_too_many_is_told_so(served: Served) -> None:
     async def talk() -> tuple[aiohttp.WSMsgType, int, str]:
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(served.socket_url, origin=served.url) as one,
-            session.ws_connect(served.socket_url, origin=served.url) as two,
-            session.ws_connect(served.socket_url, origin=served.url) as three,
-        ):
+        async with watching(served) as one, watching(served) as two, watching(served) as three:
             await one.receive_str()
             await two.receive_str()
             told = await three.receive()
@@ -208,21 +208,9 @@ def test_a_refusal_is_reported_with_its_sentence(served: Served) -> None:
 
 @pytest.mark.usefixtures('of_another_account')
 class TestAnotherAccount:
-    @pytest.fixture
-    def served(self, request: pytest.FixtureRequest, of_another_account: None) -> Iterator[Served]:
-        made = Served(request.param)
-        yield made
-        made.server.close()
-        assert not any('bug' in line for line in made.complaints)
-
     @pytest.mark.parametrize('served', [Guests.NONE], indirect=True)
     def test_neither_sees_nor_does_anything_and_is_reported_why(self, served: Served) -> None:
-        async def talk() -> str:
-            async with aiohttp.ClientSession() as session, session.get(served.url + '/') as response:
-                assert response.status == 403
-                return await response.text()
-
-        assert f'for the user who started it (uid {os.getuid()})' in run(talk())
+        assert f'for the user who started it (uid {os.getuid()})' in run(page_of(served, 403))
         for path in ('/static/page.css', '/live', '/control/good'):
             assert run(status_of('POST', served.url + path, Origin=served.url)) == 403
         assert served.asked == []
@@ -258,10 +246,7 @@ def test_a_file_with_an_endless_name_is_not_there(served: Served) -> None:
 
 def test_closing_ends_what_is_open(served: Served) -> None:
     async def talk() -> int | None:
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(served.socket_url, origin=served.url) as channel,
-        ):
+        async with watching(served) as channel:
             await channel.receive_str()
             closing = asyncio.create_task(asyncio.to_thread(served.server.close))
             message = await channel.receive()

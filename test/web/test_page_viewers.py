@@ -14,39 +14,34 @@ def packet(number: int) -> Packet:
     return Packet(b'body%d' % number, b'|%d' % number)
 
 
-def test_a_viewer_that_draws_what_it_gets_gets_every_packet() -> None:
+def sent(viewer: Viewer, packets: int) -> Viewer:
+    for number in range(packets):
+        viewer.offer(packet(number))
+        viewer.take()
+    return viewer
+
+
+def test_a_viewer_that_draws_what_it_gets_gets_every_packet_once() -> None:
     viewer = newcomer()
     for number in range(10):
         viewer.offer(packet(number))
         assert viewer.take() == b'body%d|%d' % (number, number)
+        assert viewer.take() is None
         viewer.acknowledge(0.1 * number)
     assert (viewer.sent, viewer.passed_over) == (10, 0)
 
 
 def test_a_viewer_that_has_not_drawn_is_sent_no_more() -> None:
-    viewer = newcomer()
-    for number in range(5):
-        viewer.offer(packet(number))
-        viewer.take()
+    viewer = sent(newcomer(), 5)
     assert viewer.sent == IN_FLIGHT
     assert not viewer.has_room
 
 
 def test_a_slow_viewer_gets_the_newest_picture_and_all_samples() -> None:
-    viewer = newcomer()
-    for number in range(5):
-        viewer.offer(packet(number))
-        viewer.take()
+    viewer = sent(newcomer(), 5)
     viewer.acknowledge(1.0)
     assert viewer.take() == b'body4|2|3|4'
     assert viewer.passed_over == 2
-
-
-def test_nothing_is_sent_twice() -> None:
-    viewer = newcomer()
-    viewer.offer(packet(1))
-    assert viewer.take() is not None
-    assert viewer.take() is None
 
 
 def test_a_viewer_that_hangs_keeps_a_minute_of_samples_and_no_more() -> None:
@@ -61,20 +56,10 @@ def test_a_viewer_that_hangs_keeps_a_minute_of_samples_and_no_more() -> None:
     assert message.endswith(b'%08d' % (3 * HISTORY_PACKETS - 1))
 
 
-def test_a_viewer_that_hangs_is_not_watching() -> None:
-    viewer = newcomer()
-    for number in range(IN_FLIGHT):
-        viewer.offer(packet(number))
-        viewer.take()
+def test_a_viewer_that_hangs_is_not_watching_until_it_comes_back() -> None:
+    viewer = sent(newcomer(), IN_FLIGHT)
     assert viewer.is_watching(STUCK_AFTER_S - 0.1)
     assert not viewer.is_watching(STUCK_AFTER_S + 0.1)
-
-
-def test_a_viewer_that_comes_back_is_watching_again() -> None:
-    viewer = newcomer()
-    for number in range(IN_FLIGHT):
-        viewer.offer(packet(number))
-        viewer.take()
     viewer.acknowledge(100.0)
     assert viewer.is_watching(1000.0)
 
@@ -121,10 +106,7 @@ def test_the_course_of_the_force_goes_on_while_nobody_can_be_shown_anything() ->
 
 def test_a_page_that_was_hidden_gets_no_packet_of_that_time_but_its_samples() -> None:
     """Another page was watched meanwhile, and closed hours ago: nothing newer was offered since."""
-    viewer = newcomer()
-    for number in range(IN_FLIGHT + 1):
-        viewer.offer(packet(number))
-        viewer.take()
+    viewer = sent(newcomer(), IN_FLIGHT + 1)
     viewer.acknowledge(3600.0)
     assert viewer.take() is None
     viewer.offer(packet(9))
