@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import shlex
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -239,48 +240,49 @@ def test_a_press_is_held_still_though_the_picture_flickers_where_it_shows_the_ri
     assert states[HELD - 1 :] == [STEADY] * (HELD + 1)
 
 
+def recorded(folder: Path, pictures: Iterable[np.ndarray]) -> None:
+    folder.mkdir(exist_ok=True)
+    for number, picture in enumerate(pictures):
+        cv2.imwrite(str(folder / f'{number:02}.png'), picture)
+
+
+def after_a_move(folder: Path, shift_mm: float, rests: int, pictures: int) -> None:
+    """The rest images of a session, and what the camera sees later, when it has moved."""
+    gel = replace(Gel(), mechanics='linear')
+    table = linear_table(gel)
+    for number in range(rests):
+        folder_of(folder / 'out').add_rest(Optics(gel, table).render((), number))
+    moved = Optics(replace(gel, camera_shift_mm=(shift_mm, 0.0)), table)
+    recorded(folder / 'pictures', (moved.render((), 100 + number) for number in range(pictures)))
+
+
+def guided_by_recording(folder: Path, lines: list[str] | None = None) -> None:
+    camera = open_camera(CameraSettings(source=str(folder / 'pictures'), rate=0.0), JumpingClock())
+    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append if lines is None else lines.append, world='none')
+    Guide(camera, person, folder_of(folder / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
+
+
 def test_a_recording_that_ends_is_reported(tmp_path: Path) -> None:
-    pictures = tmp_path / 'pictures'
-    pictures.mkdir()
-    cv2.imwrite(str(pictures / '1.png'), Optics(Gel(), contact_table(Gel())).render((), 1))
-    camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), JumpingClock())
-    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
+    recorded(tmp_path / 'pictures', [Optics(Gel(), contact_table(Gel())).render((), 1)])
     with pytest.raises(DeviceError, match='the recording has ended'):
-        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
+        guided_by_recording(tmp_path)
 
 
 def test_a_camera_that_moved_a_little_since_the_last_session_shows_no_press(tmp_path: Path) -> None:
     """By 0.015 mm, a third of a pixel, as overnight: with the rest images of the first day all of the gel moves."""
-    gel = replace(Gel(), mechanics='linear')
-    table, folder = linear_table(gel), folder_of(tmp_path / 'out')
-    for number in range(RESTS):
-        folder.add_rest(Optics(gel, table).render((), number))
-    moved = Optics(replace(gel, camera_shift_mm=(0.015, 0.0)), table)
-    (tmp_path / 'pictures').mkdir()
-    for number in range(30):
-        cv2.imwrite(str(tmp_path / 'pictures' / f'{number}.png'), moved.render((), 100 + number))
+    after_a_move(tmp_path, 0.015, rests=RESTS, pictures=30)
     lines: list[str] = []
-    camera = open_camera(CameraSettings(source=str(tmp_path / 'pictures'), rate=0.0), JumpingClock())
-    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, lines.append, world='none')
     with pytest.raises(DeviceError, match='the recording has ended'):
-        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
+        guided_by_recording(tmp_path, lines)
     assert len(folder_of(tmp_path / 'out').rows) == RESTS
     assert lines == ['pressing at x 0, y 0 mm']
 
 
 def test_a_camera_that_was_moved_since_the_last_session_is_refused(tmp_path: Path) -> None:
     """By 0.2 mm, three pixels: each press would be measured against another part of the pattern."""
-    gel = replace(Gel(), mechanics='linear')
-    folder = folder_of(tmp_path / 'out')
-    folder.add_rest(Optics(gel, linear_table(gel)).render((), 1))
-    moved = Optics(replace(gel, camera_shift_mm=(0.2, 0.0)), linear_table(gel))
-    (tmp_path / 'pictures').mkdir()
-    for number in range(12):
-        cv2.imwrite(str(tmp_path / 'pictures' / f'{number:02}.png'), moved.render((), 100 + number))
-    camera = open_camera(CameraSettings(source=str(tmp_path / 'pictures'), rate=0.0), JumpingClock())
-    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
+    after_a_move(tmp_path, 0.2, rests=1, pictures=12)
     with pytest.raises(DatasetError, match=r'the camera has moved by 2\.\d px, .* start another folder'):
-        Guide(camera, person, folder, Wish(2, (0.3,), Sensor()), Sensor()).run()
+        guided_by_recording(tmp_path)
 
 
 def test_a_gel_is_untouched_though_the_camera_drifts_and_a_press_is_still_seen() -> None:
@@ -304,10 +306,8 @@ def test_dark_pictures_with_which_a_camera_begins_are_passed_over(
     """As with a GelSight Mini, whose first ten pictures are dark. A recording has no press, and then ends."""
     gel = replace(gel_of(load_sensor('printed_dots')), mechanics='linear')
     optics = Optics(gel, linear_table(gel))
-    (tmp_path / 'pictures').mkdir()
-    for number in range(40):
-        picture = np.zeros((240, 320), np.uint8) if number < 10 else optics.render((), number)
-        cv2.imwrite(str(tmp_path / 'pictures' / f'{number:02}.png'), picture)
+    dark = [np.zeros((240, 320), np.uint8)] * 10
+    recorded(tmp_path / 'pictures', dark + [optics.render((), number) for number in range(10, 40)])
     words = ['press', str(tmp_path / 'by_hand'), '--source', str(tmp_path / 'pictures'), '--sensor', 'printed_dots']
     assert main([*words, '--indenter', 'ball:5']) == 1
     assert 'the recording has ended' in capsys.readouterr().err
@@ -315,8 +315,7 @@ def test_dark_pictures_with_which_a_camera_begins_are_passed_over(
 
 
 def test_a_camera_that_stays_dark_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for number in range(UNUSABLE):
-        cv2.imwrite(str(tmp_path / f'{number:02}.png'), np.zeros((240, 320), np.uint8))
+    recorded(tmp_path, [np.zeros((240, 320), np.uint8)] * UNUSABLE)
     words = ['press', str(tmp_path / 'by_hand'), '--source', str(tmp_path), '--sensor', 'printed_dots']
     assert main([*words, '--indenter', 'ball:5']) == 1
     assert 'the camera image is black' in capsys.readouterr().err

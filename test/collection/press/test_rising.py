@@ -31,21 +31,14 @@ def test_half_of_what_the_softest_corner_gave_is_enough_and_less_is_not() -> Non
     """At 1.05 mm, of which 0.05 may be above the surface: half of 0.354 N, less 0.02 N for no touch, is 0.157 N."""
     assert complaint(1.05, 0.160) == ''
     assert 'the force is 0.15 N at 1.05 mm, but the gel gave 0.35 N' in complaint(1.05, 0.154)
-
-
-def test_more_force_than_ever_is_for_the_limits_of_the_force() -> None:
-    assert complaint(1.0, 3.0) == ''
-
-
-def test_noise_of_the_sensor_is_granted() -> None:
-    """Five sigma of the mean of four samples of 0.02 N are 0.05 N."""
+    # Five sigma of the mean of four samples of 0.02 N are 0.05 N.
     noisy = Tare(ZERO.wrench, (0.0, 0.0, 0.02, 0.0, 0.0, 0.0), 100, 0)
     assert complaint(1.05, 0.110, tare=noisy) == ''
     assert complaint(1.05, 0.104, tare=noisy)
 
 
-def test_nothing_is_expected_above_the_surface_or_of_a_gel_that_was_not_felt() -> None:
-    assert complaint(-0.5, 0.0) == complaint(0.04, 0.0) == ''
+def test_too_much_force_none_above_the_surface_and_none_of_a_gel_that_was_not_felt_are_no_complaint() -> None:
+    assert complaint(1.0, 3.0) == complaint(-0.5, 0.0) == complaint(0.04, 0.0) == ''
     assert complaint(2.0, 0.0, Surface(-30.0)) == ''
 
 

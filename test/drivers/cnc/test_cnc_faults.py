@@ -59,6 +59,11 @@ class PressRig(Rig):
 
     _fault: Callable[[], object] | None = None
 
+    def restart_unheard(self) -> None:
+        for banner in (b"Grbl 1.1h ['$' for help]", b"GrblHAL 1.1f ['$' or '$HELP' for help]", b'start\n'):
+            self.faults.change('<', banner, b'')
+        self.device.power_cycle()
+
     def rest(self, seconds: float = 5.0) -> float:
         """Let time pass, and give the greatest depth until now: no more than it is at the end of any way down."""
         for _ in range(round(20 * seconds)):
@@ -117,13 +122,8 @@ def rig(request: pytest.FixtureRequest) -> PressRig:
 
 
 def test_a_restart_whose_banner_is_lost_shows_in_its_reports(rig: PressRig) -> None:
-    def restart_unheard() -> None:
-        for banner in (b"Grbl 1.1h ['$' for help]", b"GrblHAL 1.1f ['$' or '$HELP' for help]"):
-            rig.faults.change('<', banner, b'\xf8')
-        rig.device.power_cycle()
-
     with pytest.raises(DeviceError):
-        rig.press(restart_unheard)
+        rig.press(rig.restart_unheard)
     assert rig.rest() < 0.5
     with pytest.raises(DeviceFaultError, match='has restarted, so its position is unknown'):
         rig.hands.retreat()
@@ -133,13 +133,8 @@ def test_a_restart_whose_banner_is_lost_shows_in_its_reports(rig: PressRig) -> N
 def test_idle_at_zero_after_a_restart_unheard_is_not_up() -> None:
     """Without homing a Grbl restarts unlocked: 'Idle at 0,0,0' is above the safe height, and the tip 0.3 mm deep."""
     rig = press_rig(**UNLOCKED, safe_z_mm=-5.0)
-
-    def restart_unheard() -> None:
-        rig.faults.change('<', b"Grbl 1.1h ['$' for help]", b'')
-        rig.device.power_cycle()
-
     with pytest.raises(DeviceError):
-        rig.press(restart_unheard)
+        rig.press(rig.restart_unheard)
     with pytest.raises(DeviceFaultError, match=r'reports x 0\.000 y 0\.000 z -?0\.\d+ mm, which it cannot'):
         rig.hands.retreat()
     assert rig.rest() < 0.6
@@ -150,13 +145,8 @@ def test_idle_at_zero_after_a_restart_unheard_is_not_up() -> None:
 
 def test_a_marlin_that_restarted_unheard_is_known_by_the_line_that_it_asks_for() -> None:
     rig = press_rig('marlin')
-
-    def restart_unheard() -> None:
-        rig.faults.change('<', b'start\n', b'')
-        rig.device.power_cycle()
-
     with pytest.raises(DeviceFaultError, match='has restarted, so its position is unknown'):
-        rig.press(restart_unheard)
+        rig.press(rig.restart_unheard)
     assert rig.faults.done == 1
     assert rig.rest() < 0.6
     with pytest.raises(DeviceFaultError, match='has restarted'):

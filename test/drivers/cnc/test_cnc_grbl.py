@@ -107,16 +107,22 @@ def test_homing_a_move_and_the_barrier() -> None:
     play(CONNECT + HOME + motion, act)
 
 
-def test_a_clean_stop_holds_waits_for_rest_resets_and_sets_the_modes_again() -> None:
-    def act(cnc: GrblCnc) -> None:
-        cnc.home()
-        cnc.move(z=-4.0, feed=600.0)
-        cnc.stop()
-        assert cnc.status().homed
+TO_STOP = [*CONNECT, *HOME, (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'), (b'!', b'')]
 
+
+def stopped(cnc: GrblCnc) -> None:
+    cnc.home()
+    cnc.move(z=-4.0, feed=600.0)
+    cnc.stop()
+
+
+def stopped_and_homed(cnc: GrblCnc) -> None:
+    stopped(cnc)
+    assert cnc.status().homed
+
+
+def test_a_clean_stop_holds_waits_for_rest_resets_and_sets_the_modes_again() -> None:
     script = [
-        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
-        (b'!', b''),
         (b'?', b'<Hold:1|MPos:-1.000,-1.000,-1.020|FS:600,0>\r\n'),
         (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.030|FS:600,0>\r\n'),
         (b'\x18', BANNER),
@@ -124,7 +130,7 @@ def test_a_clean_stop_holds_waits_for_rest_resets_and_sets_the_modes_again() -> 
         PREAMBLE,
         (b'?', b'<Idle|MPos:-1.000,-1.000,-1.030|FS:0,0>\r\n'),
     ]
-    play(CONNECT + HOME + script, act)
+    play(TO_STOP + script, stopped_and_homed)
 
 
 def test_a_stopped_jog_is_cancelled_and_not_reset() -> None:
@@ -151,9 +157,7 @@ def test_a_stopped_jog_is_cancelled_and_not_reset() -> None:
 
 def test_a_stop_that_ends_in_alarm_3_has_lost_the_place() -> None:
     def act(cnc: GrblCnc) -> None:
-        cnc.home()
-        cnc.move(z=-4.0, feed=600.0)
-        cnc.stop()
+        stopped(cnc)
         assert not cnc.status().homed
         with pytest.raises(DeviceFaultError, match='alarm 3, a reset while it moved'):
             cnc.move(z=-3.0, feed=100.0)
@@ -161,37 +165,21 @@ def test_a_stop_that_ends_in_alarm_3_has_lost_the_place() -> None:
     moving = b'<Run|MPos:-1.000,-1.000,-1.020|FS:600,0>\r\n'
     locked = b'<Alarm|MPos:-1.000,-1.000,-1.030|FS:0,0>\r\n'
     clock_polls: Script = [(b'?', moving)] * 60  # 3 s at a question each 50 ms: it never rests
-    script = [
-        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
-        (b'!', b''),
-        *clock_polls,
-        (b'\x18', b'ALARM:3\r\n' + BANNER + UNLOCK),
-        (b'?', locked),
-        (b'?', locked),
-    ]
-    play(CONNECT + HOME + script, act)
+    lost = [(b'\x18', b'ALARM:3\r\n' + BANNER + UNLOCK), (b'?', locked), (b'?', locked)]
+    play(TO_STOP + clock_polls + lost, act)
 
 
 def test_a_reset_whose_banner_is_not_known_is_seen_by_the_next_report() -> None:
     """FluidNC's start message is a setting of its owner."""
-
-    def act(cnc: GrblCnc) -> None:
-        cnc.home()
-        cnc.move(z=-4.0, feed=600.0)
-        cnc.stop()
-        assert cnc.status().homed
-
     rest = b'<Idle|MPos:-1.000,-1.000,-1.030|FS:0,0>\r\n'
     script = [
-        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
-        (b'!', b''),
         (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.030|FS:600,0>\r\n'),
         (b'\x18', b'\r\nWelcome to the workshop\r\n'),
         *[(b'?', rest)] * (30 + 2),  # 10 a second for the 3 s that a banner may take; the sign of life; where it is
         PREAMBLE,
         (b'?', rest),
     ]
-    play(CONNECT + HOME + script, act)
+    play(TO_STOP + script, stopped_and_homed)
 
 
 def test_a_lock_that_asks_for_homing_does_not_break_homing_off() -> None:

@@ -34,11 +34,8 @@ def node(bus: InProcessBus, clock: SteppedClock, model: Path | str, *parameters:
 def chain(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
 ) -> Callable[[types.FlowFeatures], types.ForceDistribution]:
-    forces, source, tested = (
-        listen(topics.FORCE_DISTRIBUTION),
-        publisher(topics.FLOW_FEATURES),
-        node(bus, clock, small_model),
-    )
+    forces, source = listen(topics.FORCE_DISTRIBUTION), publisher(topics.FLOW_FEATURES)
+    tested = node(bus, clock, small_model)
 
     def answer(message: types.FlowFeatures) -> types.ForceDistribution:
         source.publish(message)
@@ -138,11 +135,8 @@ def test_no_wrench_is_made_that_nobody_takes(
 def test_features_for_another_model_are_reported_and_do_not_end_the_node(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
 ) -> None:
-    forces, source, tested = (
-        listen(topics.FORCE_DISTRIBUTION),
-        publisher(topics.FLOW_FEATURES),
-        node(bus, clock, small_model),
-    )
+    forces, source = listen(topics.FORCE_DISTRIBUTION), publisher(topics.FLOW_FEATURES)
+    tested = node(bus, clock, small_model)
     source.publish(features(rows=5))
     run(tested)
     assert forces.take() is None
