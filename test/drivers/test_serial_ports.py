@@ -1,15 +1,17 @@
-"""What is reported of a serial port that is not there."""
+"""What is reported of a serial port that is not there, or no more."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import serial
 from jumping_clock import JumpingClock
 
 from tactile_nodes.drivers import serial_port
-from tactile_nodes.errors import DeviceNotFoundError
+from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
 
 @pytest.mark.parametrize(
@@ -37,3 +39,19 @@ def test_a_policy_sets_both_lines_of_a_port(policy: str, high: bool, monkeypatch
     with pytest.raises(DeviceNotFoundError):
         serial_port.open_port('/dev/null', 115_200, policy, JumpingClock(0))
     assert seen == [(high, high)]
+
+
+@pytest.mark.parametrize(
+    ('said', 'told'),
+    [
+        ('device reports readiness to read but returned no data', 'unplugged, or read by another program'),
+        ('read failed: [Errno 5] Input/output error', 'read failed: .* Input/output error'),
+    ],
+)
+def test_a_port_that_is_lost_says_why(said: str, told: str) -> None:
+    def read(count: int) -> bytes:
+        raise serial.SerialException(said)
+
+    port: Any = SimpleNamespace(read=read)
+    with pytest.raises(DeviceLostError, match=rf'/dev/tty9 is gone \({told}\); check its cable'):
+        serial_port.SerialPort(port, '/dev/tty9').read(0.1)

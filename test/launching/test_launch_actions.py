@@ -98,7 +98,9 @@ SCOPED = """\
 - set_parameter: {name: p, value: outer}
 - group:
     scoped: %s
+    keep: [{name: b, value: kept}]
     children:
+    - log: {message: $(var b)}
     - let: {name: a, value: inner}
     - push_ros_namespace: {namespace: inner}
     - set_remap: {from: y, to: inner}
@@ -117,7 +119,7 @@ SCOPED = """\
 )
 def test_what_a_group_sets_leaks_unless_it_is_scoped(interpret, scoped, text, words):
     notes = interpret(SCOPED % scoped)
-    assert notes.texts == [text]
+    assert notes.texts == ['kept', text]
     assert notes.commands == [['/n', '--ros-args', '-r', *words.split()]]
 
 

@@ -277,8 +277,9 @@ def test_who_comes_late_gets_the_transforms_of_all_publishers(bus, play, tmp_pat
     assert {each.child_frame_id: each.transform.translation.x for each in found} == {'arm': 3.0, 'camera': 2.0}
 
 
-def test_latched_topic_is_latched_again(bus, play) -> None:
-    play().spin()
+@pytest.mark.parametrize('start_offset', [0.0, 0.25])
+def test_latched_topic_is_latched_again_also_one_of_before_the_start(bus, play, start_offset: float) -> None:
+    play(start_offset=start_offset).spin()
     assert heard(listen(bus, '/rest')) == ['rest']
 
 

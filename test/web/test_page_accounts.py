@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.web.accounts import account_of
+from tactile_nodes.web.accounts import account_of, owners
 
 HEAD = '  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n'
 ROW = '   {n}: {peer} {here} {state} 00000000:00000000 00:00000000 00000000  {uid}        0 {inode} 1 0 20 0 0 10 -1\n'
@@ -31,6 +31,10 @@ def listening() -> Iterator[socket.socket]:
     with socket.create_server(('127.0.0.1', 0)) as made:
         made.settimeout(10.0)
         yield made
+
+
+def test_a_program_is_its_users_and_roots() -> None:
+    assert owners() == {os.getuid(), 0}
 
 
 def test_the_row_of_the_other_end_names_its_account(tmp_path: Path) -> None:

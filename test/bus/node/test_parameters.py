@@ -134,11 +134,12 @@ def test_all_values_can_be_set_as_they_are(ask: Callable[[str, Any], Any]) -> No
 
 
 def test_description_carries_type_range_choices_and_read_only(ask: Callable[[str, Any], Any]) -> None:
-    request = types.DescribeParameters_Request(names=['rate', 'count', 'preset', 'serial', 'nothing'])
-    rate, count, preset, serial, nothing = ask('describe', request).descriptors
+    request = types.DescribeParameters_Request(names=['rate', 'count', 'lens.focal', 'preset', 'serial', 'nothing'])
+    rate, count, focal, preset, serial, nothing = ask('describe', request).descriptors
     assert (rate.type, rate.description) == (3, 'frames per second')  # PARAMETER_DOUBLE
     assert (rate.floating_point_range[0].from_value, rate.floating_point_range[0].to_value) == (1.0, 240.0)
     assert (count.integer_range[0].from_value, count.integer_range[0].to_value) == (1, 9)
+    assert (focal.floating_point_range[0].from_value, focal.floating_point_range[0].to_value) == (0.1, math.inf)
     assert preset.additional_constraints == 'one of fast, medium'
     assert serial.read_only
     assert (nothing.name, nothing.type) == ('nothing', 0)

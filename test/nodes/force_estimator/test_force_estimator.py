@@ -20,6 +20,7 @@ from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
+from tactile_nodes.paths import share_directory
 
 Listen = Callable[[Topic], Subscription]
 Advertise = Callable[[Topic], Publisher]
@@ -195,6 +196,22 @@ def test_a_model_of_another_sensor_is_refused_with_the_command_that_makes_one(
     assert f'`tactile calibrate --sensor {sensor} --model field -o {made}` and start with model:={made}' in str(
         caught.value
     )
+
+
+def test_a_model_that_is_older_than_the_description_says_so_for_as_long_as_it_is_used(
+    bus: InProcessBus, clock: SteppedClock, tmp_path: Path
+) -> None:
+    text = (share_directory() / 'config/sensors/simulated.yaml').read_text(encoding='utf-8')
+    reports = []
+    for focal in ('290.0', '280.0'):
+        (tmp_path / 'mine.yaml').write_text(text.replace('focal_px_per_rad: 290.0', f'focal_px_per_rad: {focal}'))
+        tested = node(bus, clock, 'field', f'sensor:={tmp_path}/mine.yaml')
+        reports += [each for each in tested.diagnostics.message(0).status if each.name.endswith(': model')]
+        tested.close()
+    assert [each.level for each in reports] == [0, 1]
+    assert 'has changed' not in reports[0].message
+    assert reports[1].message.startswith('field (')
+    assert 'mine.yaml has changed since model field was made' in reports[1].message
 
 
 @pytest.mark.parametrize('model', ['field', 'fast'])
