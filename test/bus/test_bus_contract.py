@@ -71,20 +71,15 @@ def test_several_publishers_of_a_topic_are_reported_apart(bus: InProcessBus) -> 
     assert sorted(by_publisher.values()) == [[(1, 1), (2, 2)], [(1, 10), (2, 20)]]
 
 
-def test_keep_latest_keeps_the_newest_and_counts_what_gave_way(bus: InProcessBus) -> None:
-    subscription = bus.subscribe('/n', NUMBER, Qos('latest', 1))
+@pytest.mark.parametrize(('qos', 'kept'), [(Qos('latest', 1), [10]), (Qos('queue', 4), [7, 8, 9, 10])])
+def test_the_newest_are_kept_in_order_and_what_gave_way_is_counted(
+    bus: InProcessBus, qos: Qos, kept: list[int]
+) -> None:
+    subscription = bus.subscribe('/n', NUMBER, qos)
     publisher = bus.advertise('/n', NUMBER, QUEUE)
     for number in range(1, 11):
         publisher.publish(types.Int64(data=number))
-    assert (numbers_of(subscription), subscription.dropped, subscription.received) == ([10], 9, 10)
-
-
-def test_queue_keeps_its_depth_in_order_and_counts_what_it_dropped(bus: InProcessBus) -> None:
-    subscription = bus.subscribe('/n', NUMBER, Qos('queue', 4))
-    publisher = bus.advertise('/n', NUMBER, QUEUE)
-    for number in range(1, 11):
-        publisher.publish(types.Int64(data=number))
-    assert (numbers_of(subscription), subscription.dropped) == ([7, 8, 9, 10], 6)
+    assert (numbers_of(subscription), subscription.dropped, subscription.received) == (kept, 10 - len(kept), 10)
 
 
 def test_latched_message_is_given_once_to_each_who_comes_late(bus: InProcessBus) -> None:

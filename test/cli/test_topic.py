@@ -38,18 +38,14 @@ Repeating = Callable[[Callable[[], None]], None]
 MS = 1_000_000
 
 
-def test_topics_are_listed_with_their_types(other: ZmqBus, tactile: Tactile) -> None:
+def test_topics_are_listed_with_their_types_and_hidden_ones_when_asked_for(other: ZmqBus, tactile: Tactile) -> None:
     other.advertise('/b', STRING, QUEUE)
     other.subscribe('/a', WRENCH, QUEUE)
+    other.advertise('/_secret/a', STRING, QUEUE)
     assert tactile('topic', 'list').out == '/a\n/b\n'
     assert tactile('topic', 'list', '-t').out == f'/a [{WRENCH}]\n/b [{STRING}]\n'
     assert tactile('topic', 'list', '-c').out == '2\n'
-
-
-def test_hidden_topics_are_listed_when_asked_for(other: ZmqBus, tactile: Tactile) -> None:
-    other.advertise('/_secret/a', STRING, QUEUE)
-    assert tactile('topic', 'list').out == ''
-    assert tactile('topic', 'list', '-a').out == '/_secret/a\n'
+    assert tactile('topic', 'list', '-a').out == '/_secret/a\n/a\n/b\n'
 
 
 def test_a_verbose_list_counts_both_ends(other: ZmqBus, tactile: Tactile) -> None:
@@ -328,25 +324,23 @@ def _received(arrival_ms: float, *, stamp_ms: float = 0.0, size: int = 0) -> Rec
     return Received(WRENCH, 'a.1', 1, arrival_ns, arrival_ns, message=None if size else message, data=data)
 
 
-def test_the_rate_is_one_over_the_mean_interval() -> None:
-    rate = Rate(100)
-    for arrival_ms in (0, 10, 30, 40):  # intervals 10, 20, 10: mean 13.33 ms, deviation 4.714 ms
+@pytest.mark.parametrize(
+    ('window', 'arrivals_ms', 'report'),
+    [
+        # Intervals 10, 20, 10: mean 13.33 ms, deviation 4.714 ms.
+        (100, (0, 10, 30, 40), '75.000\n\tmin: 0.010s max: 0.020s std dev: 0.00471s window: 3'),
+        (1, (0, 1000, 1010), '100.000\n\tmin: 0.010s max: 0.010s std dev: 0.00000s window: 1'),
+    ],
+)
+def test_the_rate_is_one_over_the_mean_interval_of_its_window(
+    window: int, arrivals_ms: tuple[int, ...], report: str
+) -> None:
+    rate = Rate(window)
+    for number, arrival_ms in enumerate(arrivals_ms):
         rate.add(_received(arrival_ms))
-    assert rate.report(0) == 'average rate: 75.000\n\tmin: 0.010s max: 0.020s std dev: 0.00471s window: 3'
-    assert rate.report(0) == 'no new messages'
-
-
-def test_the_rate_needs_two_messages() -> None:
-    rate = Rate(100)
-    rate.add(_received(0))
-    assert rate.report(0) is None
-
-
-def test_the_rate_forgets_beyond_its_window() -> None:
-    rate = Rate(1)
-    for arrival_ms in (0, 1000, 1010):
-        rate.add(_received(arrival_ms))
-    assert rate.report(0) == 'average rate: 100.000\n\tmin: 0.010s max: 0.010s std dev: 0.00000s window: 1'
+        if number == 0:
+            assert rate.report(0) is None  # it needs two
+    assert (rate.report(0), rate.report(0)) == (f'average rate: {report}', 'no new messages')
 
 
 def test_the_delay_is_from_the_stamp_to_the_arrival() -> None:

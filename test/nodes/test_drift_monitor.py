@@ -88,8 +88,12 @@ def bench(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Adv
     return lambda *parameters: Bench(bus, clock, listen, publisher, *parameters)
 
 
-def test_a_picture_every_two_seconds_is_looked_at_and_reported_with_its_stamp(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+@pytest.fixture
+def tested(bench: Callable[..., Bench]) -> Bench:
+    return bench()
+
+
+def test_a_picture_every_two_seconds_is_looked_at_and_reported_with_its_stamp(tested: Bench) -> None:
     tested.rest(REST)
     tested.pictures(REST, seconds=8)
     states = tested.published()
@@ -99,8 +103,7 @@ def test_a_picture_every_two_seconds_is_looked_at_and_reported_with_its_stamp(be
     assert {each.level for each in states} == {STATE.LEVEL_VALID}
 
 
-def test_a_knocked_camera_is_reported_with_what_to_do_and_on_diagnostics(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_a_knocked_camera_is_reported_with_what_to_do_and_on_diagnostics(tested: Bench) -> None:
     tested.rest(REST)
     tested.pictures(KNOCKED)
     state = tested.published()[-1]
@@ -111,8 +114,7 @@ def test_a_knocked_camera_is_reported_with_what_to_do_and_on_diagnostics(bench: 
     assert 'capture the rest image again' in status[0].message
 
 
-def test_of_whole_pictures_of_another_camera_node_the_middle_is_looked_at(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_of_whole_pictures_of_another_camera_node_the_middle_is_looked_at(tested: Bench) -> None:
     tested.rest(REST)
     whole = np.full((REST.shape[0] + 40, REST.shape[1] + 200), 90, np.uint8)
     whole[20:-20, 100:-100] = REST
@@ -126,8 +128,7 @@ def test_the_table_of_topics_says_how_often_it_is_reported() -> None:
     assert topics.CALIBRATION_STATE.rate_hz == 1.0 / DriftMonitorParams().check_s
 
 
-def test_the_rest_image_of_the_model_file_is_what_is_compared_with(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_the_rest_image_of_the_model_file_is_what_is_compared_with(tested: Bench) -> None:
     tested.model(OTHER)
     tested.rest(REST)
     state = tested.published()[-1]
@@ -135,8 +136,7 @@ def test_the_rest_image_of_the_model_file_is_what_is_compared_with(bench: Callab
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
 
 
-def test_another_model_that_takes_over_brings_its_own_rest_image(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_another_model_that_takes_over_brings_its_own_rest_image(tested: Bench) -> None:
     tested.model(OTHER)
     tested.rest(REST)
     tested.model(REST)
@@ -144,23 +144,7 @@ def test_another_model_that_takes_over_brings_its_own_rest_image(bench: Callable
     assert tested.published()[-1].level == STATE.LEVEL_VALID
 
 
-def test_an_estimator_that_starts_again_leaves_the_evidence_against_its_calibration(
-    bench: Callable[..., Bench],
-) -> None:
-    tested = bench()
-    tested.model()
-    tested.rest(REST)
-    tested.rest(KNOCKED)
-    tested.model()
-    tested.pictures(KNOCKED, seconds=1)
-    state = tested.published()[-1]
-    assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
-
-
-def test_sensing_that_starts_again_with_its_rest_image_leaves_the_evidence_against_it(
-    bench: Callable[..., Bench],
-) -> None:
-    tested = bench()
+def test_sensing_that_starts_again_with_its_rest_image_leaves_the_evidence_against_it(tested: Bench) -> None:
     tested.rest(REST)
     tested.pictures(KNOCKED)
     tested.rest(REST)
@@ -169,15 +153,17 @@ def test_sensing_that_starts_again_with_its_rest_image_leaves_the_evidence_again
     assert not tested.published()[-1].reasons & STATE.REASON_PICTURE_MOVED
 
 
-def test_without_one_the_first_rest_image_stands_in(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_without_one_the_first_rest_image_stands_in_also_when_the_estimator_starts_again(tested: Bench) -> None:
     tested.model()
     tested.rest(REST)
     tested.rest(KNOCKED)
-    state = tested.published()[-1]
-    assert state.calibration == FIRST
-    assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
-    assert state.since_calibration_moved == pytest.approx(2.0, abs=0.05)
+    tested.model()
+    tested.pictures(KNOCKED, seconds=1)
+    *_, before, after = tested.published()
+    for state in (before, after):
+        assert state.calibration == FIRST
+        assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
+        assert state.since_calibration_moved == pytest.approx(2.0, abs=0.05)
 
 
 def test_of_a_simulated_camera_the_gel_on_the_card_is_known(bench: Callable[..., Bench]) -> None:
@@ -190,9 +176,8 @@ def test_of_a_simulated_camera_the_gel_on_the_card_is_known(bench: Callable[...,
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
 
 
-def test_of_a_calibration_without_rest_image_the_first_of_another_size_stands_in(bench: Callable[..., Bench]) -> None:
+def test_of_a_calibration_without_rest_image_the_first_of_another_size_stands_in(tested: Bench) -> None:
     """The camera was started with another crop, and then with the right one."""
-    tested = bench()
     tested.model()
     tested.rest(OTHER[:160, :160])
     tested.rest(REST)
@@ -202,10 +187,7 @@ def test_of_a_calibration_without_rest_image_the_first_of_another_size_stands_in
     assert tested.published()[-1].reasons == STATE.REASON_MOVED_SINCE_CALIBRATION
 
 
-def test_after_a_rest_image_that_cannot_be_judged_the_verdict_on_the_one_before_is_withdrawn(
-    bench: Callable[..., Bench],
-) -> None:
-    tested = bench()
+def test_after_a_rest_image_that_cannot_be_judged_the_verdict_on_the_one_before_is_withdrawn(tested: Bench) -> None:
     tested.rest(REST)
     tested.pictures(KNOCKED)
     assert tested.published()[-1].level == STATE.LEVEL_INVALID
@@ -343,9 +325,9 @@ def test_what_is_found_of_a_calibration_is_kept_in_the_list_of_gels(
     bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv('TACTILE_GELS', str(tmp_path / 'gels.sqlite'))
+    tested = bench()
     gels = GelList()
     gels.add(Calibration('0123456789ab', gel='some gel'))
-    tested = bench()
     tested.model(REST)
     tested.rest(REST)
     tested.pictures(REST)
