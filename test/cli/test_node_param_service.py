@@ -20,18 +20,13 @@ def test_nodes_are_listed(lamp: LampNode, tactile: Tactile) -> None:
     assert tactile('node', 'list', '-c').out == '1\n'
 
 
-def test_hidden_nodes_are_listed_when_asked_for(other: ZmqBus, tactile: Tactile) -> None:
-    other.add_node('/_tool')
-    assert tactile('node', 'list').out == ''
-    assert tactile('node', 'list', '-a').out == '/_tool\n'
-
-
-def test_names_used_twice_are_warned_of(other: ZmqBus, tactile: Tactile) -> None:
-    other.add_node('/twin')
-    other.add_node('/twin')
+def test_names_used_twice_are_warned_of_and_hidden_ones_listed_when_asked_for(other: ZmqBus, tactile: Tactile) -> None:
+    for name in ('/_tool', '/twin', '/twin'):
+        other.add_node(name)
     ended = tactile('node', 'list')
     assert ended.out == '/twin\n/twin\n'
     assert ended.err.startswith('WARNING: several nodes share a name')
+    assert tactile('node', 'list', '-a').out == '/_tool\n/twin\n/twin\n'
 
 
 def test_node_info_tells_ends_process_and_answer(lamp: LampNode, tactile: Tactile) -> None:

@@ -201,19 +201,22 @@ def test_a_description_is_not_written_over_its_figure(folder: Path, capsys: pyte
     assert not Path('mine.png').exists()
 
 
-def test_the_picture_of_the_mask_is_not_drawn_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path('mine.png').write_bytes(mask := Path('rest/0.png').read_bytes())
-    words = ['rest', '-o', 'mine.yaml', '--width', '18', '--mask', 'mine.png', '--force', '--yes']
-    assert main(['sensor', 'new', *words]) == 1
-    assert 'mine.png is read for it; choose another file' in capsys.readouterr().err
-    assert Path('mine.png').read_bytes() == mask
-
-
-def test_no_picture_of_the_folder_that_is_read_is_drawn_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = {each.name: each.read_bytes() for each in Path('rest').iterdir()}
-    assert main(['sensor', 'new', 'rest', '-o', 'rest/0.yaml', '--width', '18', '--yes']) == 1
-    assert '.png: rest is read for it; choose another file' in capsys.readouterr().err
-    assert {each.name: each.read_bytes() for each in Path('rest').iterdir()} == before
+@pytest.mark.parametrize(
+    ('words', 'read'),
+    [
+        (['-o', 'mine.yaml', '--mask', 'mine.png', '--force'], 'mine.png'),
+        (['-o', 'rest/0.yaml'], '.png: rest'),
+    ],
+    ids=['the mask', 'of the folder'],
+)
+def test_no_picture_that_is_read_is_drawn_over(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], read: str
+) -> None:
+    Path('mine.png').write_bytes(Path('rest/0.png').read_bytes())
+    before = {each: each.read_bytes() for each in Path().rglob('*.png')}
+    assert main(['sensor', 'new', 'rest', '--width', '18', '--yes', *words]) == 1
+    assert f'{read} is read for it; choose another file' in capsys.readouterr().err
+    assert {each: each.read_bytes() for each in Path().rglob('*.png')} == before
 
 
 def test_dots_that_are_not_there_are_bad(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

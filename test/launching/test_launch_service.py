@@ -301,13 +301,6 @@ def test_the_environment_overrides_every_output(launch, program, monkeypatch):
     assert '[program-1] out' in launch(f'- executable: {{cmd: {path}, output: own_log}}\n')[1]
 
 
-def test_launch_log_has_the_time_in_front(launch):
-    _, _, service = launch('- log: {message: hello}\n')
-    assert re.search(
-        r'^\d+\.\d{7} \[INFO\] \[launch\.user\]: hello$', (service.log_folder / 'launch.log').read_text(), re.M
-    )
-
-
 def test_a_path_that_is_not_utf_8_ends_no_launch(launch):
     path = os.fsdecode(b'/gr\xf6\xdfe.yaml')  # "größe" in Latin-1, as of an archive of another system
     status, _, service = launch(
@@ -318,10 +311,12 @@ def test_a_path_that_is_not_utf_8_ends_no_launch(launch):
     assert line in (service.log_folder / 'launch.log').read_text()
 
 
-def test_latest_leads_to_the_log_folder(launch, tmp_path):
+def test_latest_leads_to_the_log_which_has_the_time_in_front(launch, tmp_path):
     launch('- log: {message: a}\n')
     _, _, service = launch('- log: {message: b}\n')
-    assert (tmp_path / 'logs' / 'latest').resolve() == service.log_folder
+    latest = tmp_path / 'logs' / 'latest'
+    assert latest.resolve() == service.log_folder
+    assert re.search(r'^\d+\.\d{7} \[INFO\] \[launch\.user\]: b$', (latest / 'launch.log').read_text(), re.M)
 
 
 def test_a_screen_that_is_gone_does_not_stop_the_launch(tmp_path, launch_file):

@@ -54,15 +54,11 @@ def test_a_cell_holds_four_characters(force_n: float, cell: str) -> None:
     assert view_map._cell(force_n) == cell
 
 
-def test_force_error_place_and_provenance_are_shown() -> None:
+def test_force_error_place_provenance_and_milliseconds_of_each_stage_are_shown() -> None:
     text = '\n'.join(drawn(pressed()))
     assert '0.250 N  true  0.500 N  error -0.250 N' in text
     assert '( +0.00,  +0.00) mm  true ( +3.00,  +4.00) mm  off by 5.00 mm' in text
     assert 'paper (abc)  gel soft  rest def' in text
-
-
-def test_each_stage_is_shown_in_milliseconds() -> None:
-    text = '\n'.join(drawn(pressed()))
     for stage, shown in (('acquire', '1.00'), ('flow', '2.00'), ('features', '3.00'), ('predict', '0.50')):
         assert f'{stage:<11} {shown:>6}' in text
     assert f'{"transport":<11} {"3.50":>6}' in text

@@ -21,8 +21,20 @@ def guarded(**changed: float) -> Guarded:
     return Guarded(dataclasses.replace(SETTINGS, **changed), 0)
 
 
-def test_the_free_gel_is_approached_by_whole_steps() -> None:
-    assert guarded().step_mm(20 * MS, Felt(10 * MS, 0.0)) == 0.02
+@pytest.mark.parametrize(
+    ('felt', 'now_ms', 'step_mm'),
+    [
+        pytest.param(Felt(10 * MS, 0.0), 20, 0.02, id='a whole step where nothing is felt'),
+        pytest.param(Felt(10 * MS, 0.0), 110, 0.02, id='also by a force exactly as old as allowed'),
+        # 0.01 N are missing; at 1 N/mm 0.7 of that are 0.007 mm.
+        pytest.param(Felt(10 * MS, 0.19), 20, 0.007, id='near the target its share of the error'),
+        pytest.param(Felt(10 * MS, 0.204), 20, 0.0, id='none in the band'),
+        pytest.param(Felt(10 * MS, 0.25), 20, -0.02, id='up, above the target'),
+        pytest.param(Felt(10 * MS, 0.1, FORCE.STATUS_DEGRADED), 20, 0.0, id='none on a degraded force'),
+    ],
+)
+def test_the_first_step_depends_on_the_force(felt: Felt, now_ms: int, step_mm: float) -> None:
+    assert guarded().step_mm(now_ms * MS, felt) == pytest.approx(step_mm)
 
 
 def test_no_step_is_taken_on_a_force_seen_before_the_last_step_ended() -> None:
@@ -37,19 +49,6 @@ def test_one_force_gives_one_step() -> None:
     tested = guarded()
     assert tested.step_mm(20 * MS, Felt(10 * MS, 0.0)) == 0.02
     assert tested.step_mm(25 * MS, Felt(10 * MS, 0.0)) == 0.0
-
-
-def test_near_the_target_a_step_makes_good_its_share_of_the_error() -> None:
-    # 0.01 N are missing; at 1 N/mm 0.7 of that are 0.007 mm.
-    assert guarded().step_mm(20 * MS, Felt(10 * MS, 0.19)) == pytest.approx(0.007)
-
-
-def test_above_the_target_it_goes_up() -> None:
-    assert guarded().step_mm(20 * MS, Felt(10 * MS, 0.25)) == -0.02
-
-
-def test_in_the_band_it_stays() -> None:
-    assert guarded().step_mm(20 * MS, Felt(10 * MS, 0.204)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -69,14 +68,6 @@ def test_it_gives_up_when_the_force_is_invalid_old_early_large_or_missing(
 ) -> None:
     with pytest.raises(DeviceFaultError, match=reason):
         guarded().step_mm(now_ns, felt)
-
-
-def test_a_force_that_is_exactly_as_old_as_allowed_counts() -> None:
-    assert guarded().step_mm(110 * MS, Felt(10 * MS, 0.0)) == 0.02
-
-
-def test_on_a_degraded_force_it_waits() -> None:
-    assert guarded().step_mm(20 * MS, Felt(10 * MS, 0.1, FORCE.STATUS_DEGRADED)) == 0.0
 
 
 def test_it_gives_up_when_nothing_is_met() -> None:

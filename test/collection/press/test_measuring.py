@@ -40,12 +40,8 @@ def test_force_on_the_gel_is_the_reverse_of_what_the_sensor_feels_about_the_midd
     assert found == pytest.approx([0.0, 0.0, -1.0, 0.0, 0.01, 0.0])
 
 
-def test_sensor_that_hangs_upside_down_reads_pressing_as_negative() -> None:
-    read = np.array([[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
-    assert pressing_n(read, ZERO, UPSIDE_DOWN) == pytest.approx([1.0])
-
-
-def test_sensor_of_one_axis_still_gives_the_pressing_force() -> None:
+def test_pressing_is_negative_on_a_sensor_upside_down_and_known_by_one_of_a_single_axis() -> None:
+    assert pressing_n(np.array([[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]]), ZERO, UPSIDE_DOWN) == pytest.approx([1.0])
     nan = math.nan
     read = np.array([[nan, nan, 1.5, nan, nan, nan]])
     assert pressing_n(read, Tare((nan, nan, 0.5, nan, nan, nan), (nan,) * 6, 9, 0), MountingSettings()) == 1.0

@@ -38,7 +38,7 @@ def test_greatest_feed_is_allowed_and_a_faster_one_is_not() -> None:
     # 2 N that may be added at 2 N/mm are 1 mm: 10 mm/s for 75 ms are 0.75 mm, and 100 / 400 = 0.25 mm to brake.
     assert feed == pytest.approx(600.0)
     check_speeds(with_approach(0.999 * feed), machine())
-    with pytest.raises(ConfigurationError, match=r'motion\.approach_mm_min'):
+    with pytest.raises(ConfigurationError):
         check_speeds(with_approach(1.001 * feed), machine())
 
 
@@ -46,7 +46,16 @@ def test_refusal_names_the_numbers_and_what_is_allowed() -> None:
     with pytest.raises(ConfigurationError) as caught:
         check_speeds(with_approach(1200.0), machine(), 0.01)
     # 20 mm/s for 85 ms are 1.7 mm, 400 / 400 = 1 mm to brake; 2.7 mm at 2 N/mm are 5.4 N on top of 3 N.
-    for words in ('2.70 mm', '75 ms', '10 ms', '200 mm/s²', '8.40 N', 'bearable_n 5', 'at most'):
+    for words in (
+        'motion.approach_mm_min',
+        '2.70 mm',
+        '75 ms',
+        '10 ms',
+        '200 mm/s²',
+        '8.40 N',
+        'bearable_n 5',
+        'at most',
+    ):
         assert words in str(caught.value)
 
 
