@@ -63,21 +63,22 @@ def test_names_are_sorted_as_people_sort_them() -> None:
     assert sorted(names, key=natural_key) == ['7', 'a', 'A1', 'a1b2', 'a1b10', 'a9', 'a10', 'b1']
 
 
-def test_frame_k_is_stamped_start_plus_k_over_the_rate(video: Path, jumping: SteppedClock) -> None:
+@pytest.mark.parametrize(
+    ('source', 'settings', 'count', 'period_ns'),
+    [
+        pytest.param('video', {}, 8, 20_000_000, id='the rate of the file'),
+        pytest.param('video', {'rate': 2.0}, 8, 10_000_000, id='the file speeded up'),
+        pytest.param('folder', {'fps': 25.0}, 12, 40_000_000, id='the rate of the settings'),
+    ],
+)
+def test_frame_k_is_stamped_start_plus_k_over_the_rate(
+    request: pytest.FixtureRequest, jumping: SteppedClock,
+    source: str, settings: dict[str, float], count: int, period_ns: int,
+) -> None:  # fmt: skip
+    camera = opened(request.getfixturevalue(source), jumping, **settings)
     start_ns = jumping.now_ns()
-    stamps = [frame.stamp_ns - start_ns for frame in read_all(opened(video, jumping))]
-    assert stamps == [20_000_000 * k for k in range(8)]
-
-
-def test_the_rate_speeds_the_file_up(video: Path, jumping: SteppedClock) -> None:
-    start_ns = jumping.now_ns()
-    frames = read_all(opened(video, jumping, rate=2.0))
-    assert frames[-1].stamp_ns - start_ns == 7 * 10_000_000 == jumping.now_ns() - start_ns
-
-
-def test_a_folder_takes_its_rate_from_the_settings(folder: Path, jumping: SteppedClock) -> None:
-    frames = read_all(opened(folder, jumping, fps=25.0))
-    assert frames[-1].stamp_ns - frames[0].stamp_ns == 11 * 40_000_000
+    assert [frame.stamp_ns - start_ns for frame in read_all(camera)] == [period_ns * k for k in range(count)]
+    assert jumping.now_ns() - start_ns == period_ns * (count - 1)
 
 
 def test_at_rate_zero_no_time_passes_and_stamps_still_increase(folder: Path, jumping: SteppedClock) -> None:
@@ -117,18 +118,21 @@ def test_an_empty_folder_is_refused(tmp_path: Path, jumping: SteppedClock) -> No
         opened(tmp_path, jumping)
 
 
-def test_images_of_two_sizes_are_refused_with_both_sizes(folder: Path, jumping: SteppedClock) -> None:
-    cv2.imwrite(str(folder / '3.png'), np.zeros((10, 20), np.uint8))
-    camera = opened(folder, jumping)
-    with pytest.raises(ConfigurationError, match='contains pictures of 64x48 and of 20x10'):
-        read_all(camera)
-
-
-@pytest.mark.parametrize('content', [b'', b'no image at all'])
-def test_a_damaged_image_is_named(folder: Path, jumping: SteppedClock, content: bytes) -> None:
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (cv2.imencode('.png', np.zeros((10, 20), np.uint8))[1].tobytes(), 'contains pictures of 64x48 and of 20x10'),
+        (b'', r'3.png .it is not a readable picture'),
+        (b'no image at all', r'3.png .it is not a readable picture'),
+    ],
+    ids=['of another size', 'empty', 'damaged'],
+)
+def test_an_image_that_does_not_fit_or_is_damaged_is_refused(
+    folder: Path, jumping: SteppedClock, content: bytes, reason: str
+) -> None:
     (folder / '3.png').write_bytes(content)
     camera = opened(folder, jumping)
-    with pytest.raises(ConfigurationError, match=r'3.png .it is not a readable picture'):
+    with pytest.raises(ConfigurationError, match=reason):
         read_all(camera)
 
 

@@ -38,13 +38,24 @@ def test_the_boundary_may_be_declared_with_dashes_and_quotes(declared: str) -> N
     assert bodies(MultipartParser(declared), stream()) == BODIES
 
 
-def test_bare_line_feeds_are_understood() -> None:
-    assert bodies(MultipartParser('cut'), stream(newline=b'\n')) == BODIES
-
-
-def test_a_part_with_a_length_comes_before_the_next_delimiter_has_arrived() -> None:
-    text = b'--cut\r\ncontent-length: 4\r\n\r\nabcd'
-    assert bodies(MultipartParser('cut'), text) == [b'abcd']
+@pytest.mark.parametrize(
+    ('text', 'parts'),
+    [
+        pytest.param(stream(newline=b'\n'), BODIES, id='bare line feeds'),
+        pytest.param(b'--cut\r\ncontent-length: 4\r\n\r\nabcd', [b'abcd'], id='before the next delimiter has come'),
+        pytest.param(
+            b'--cut\r\nContent-Length: 9000\r\n\r\nabcd\r\n' + stream(), [b'abcd', *BODIES],
+            id='a length that is too great swallows nothing beyond the next delimiter',
+        ),
+        pytest.param(
+            b'--cut\r\nContent-Length: 2\r\n\r\nabcd\r\n' + stream(), [b'ab', *BODIES],
+            id='a length that is too small costs one part',
+        ),
+        pytest.param(b'\0\xff garbage --cu' * 50 + b'\r\n' + stream(), BODIES, id='garbage between parts'),
+    ],
+)  # fmt: skip
+def test_parts_are_found_whatever_liberties_the_server_takes(text: bytes, parts: list[bytes]) -> None:
+    assert bodies(MultipartParser('cut'), text) == parts
 
 
 def test_a_part_is_stamped_when_its_first_byte_arrives() -> None:
@@ -68,20 +79,6 @@ def parser_input(lengths: bool) -> list[bytes]:
     """A delimiter, and then each part with the delimiter of the next one."""
     head, *rest = stream(lengths).split(b'--cut\r\n')
     return [head + b'--cut\r\n', *(part + b'--cut\r\n' for part in rest[:-1])]
-
-
-def test_a_length_that_is_too_great_swallows_nothing_beyond_the_next_delimiter() -> None:
-    text = b'--cut\r\nContent-Length: 9000\r\n\r\nabcd\r\n' + stream()
-    assert bodies(MultipartParser('cut'), text) == [b'abcd', *BODIES]
-
-
-def test_a_length_that_is_too_small_costs_one_part() -> None:
-    text = b'--cut\r\nContent-Length: 2\r\n\r\nabcd\r\n' + stream()
-    assert bodies(MultipartParser('cut'), text) == [b'ab', *BODIES]
-
-
-def test_garbage_between_parts_is_passed_over() -> None:
-    assert bodies(MultipartParser('cut'), b'\0\xff garbage --cu' * 50 + b'\r\n' + stream()) == BODIES
 
 
 @given(st.lists(st.binary(max_size=200), max_size=20))

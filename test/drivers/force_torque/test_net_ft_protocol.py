@@ -57,28 +57,25 @@ def test_a_datagram_that_is_no_record_is_none(size: int) -> None:
     assert rdt.record_in(bytes(size)) is None
 
 
-def test_a_gap_in_the_sequence_is_that_many_lost_records() -> None:
+WRAPPED = [record(2**32 - 2, 2**32 - 10), record(2**32 - 1, 2**32 - 3), record(0, 4), record(2, 18)]
+
+
+@pytest.mark.parametrize(
+    ('records', 'missing', 'lost', 'duplicates', 'late'),
+    [
+        pytest.param([record(1), record(2), record(6)], [0, 0, 3], 3, 0, 0, id='a gap'),
+        pytest.param([record(1), record(2), record(2), record(3)], [0, 0, None, 0], 0, 1, 0, id='one comes twice'),
+        pytest.param([record(1), record(3), record(2), record(4)], [0, 1, None, 0], 1, 0, 1, id='one comes late'),
+        pytest.param(WRAPPED, [0, 0, 0, 1], 1, 0, 0, id='both counters wrap'),
+    ],
+)
+def test_records_that_are_lost_come_twice_or_late_are_counted(
+    records: list[Record], missing: list[int | None], lost: int, duplicates: int, late: int
+) -> None:
     tracker = StreamTracker()
-    assert accepted(tracker, record(1), record(2), record(6)) == [0, 0, 3]
-    assert tracker.counters.lost == 3
-
-
-def test_a_record_that_comes_twice_is_dropped_and_counted() -> None:
-    tracker = StreamTracker()
-    assert accepted(tracker, record(1), record(2), record(2), record(3)) == [0, 0, None, 0]
-    assert tracker.counters.duplicates == 1
-
-
-def test_a_record_that_comes_late_is_dropped_and_stays_counted_as_lost() -> None:
-    tracker = StreamTracker()
-    assert accepted(tracker, record(1), record(3), record(2), record(4)) == [0, 1, None, 0]
-    assert (tracker.counters.lost, tracker.counters.out_of_order) == (1, 1)
-
-
-def test_both_counters_may_wrap() -> None:
-    tracker = StreamTracker()
-    wrapped = [record(2**32 - 2, 2**32 - 10), record(2**32 - 1, 2**32 - 3), record(0, 4), record(2, 18)]
-    assert accepted(tracker, *wrapped) == [0, 0, 0, 1]
+    assert accepted(tracker, *records) == missing
+    counters = tracker.counters
+    assert (counters.lost, counters.duplicates, counters.out_of_order) == (lost, duplicates, late)
 
 
 @pytest.mark.parametrize(
@@ -152,9 +149,10 @@ def test_the_configuration_of_a_real_box_is_read() -> None:
     assert config.fields['cfgcalsn'] == 'FT12345'
 
 
-def test_an_axia_sensor_spells_its_rate_differently() -> None:
+def test_an_axia_sensor_spells_its_rate_differently_and_rdt_may_be_switched_off() -> None:
     config = parse_config(page(commrdtrate=500), 'box')
     assert (config.rate_hz, config.axia) == (500.0, True)
+    assert not parse_config(page(comrdte='Disabled'), 'box').enabled
 
 
 FORCES = {
@@ -166,16 +164,16 @@ TORQUES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(('unit', 'newtons'), FORCES.items())
-def test_units_of_force_become_newtons(unit: str, newtons: float) -> None:
-    config = parse_config(page(scfgfu=unit, cfgcpf=10), 'box')
-    assert math.isclose(config.units_per_count[2], newtons / 10, rel_tol=1e-7)
-
-
-@pytest.mark.parametrize(('unit', 'newton_metres'), TORQUES.items())
-def test_units_of_torque_become_newton_metres(unit: str, newton_metres: float) -> None:
-    config = parse_config(page(scfgtu=unit, cfgcpt=100), 'box')
-    assert math.isclose(config.units_per_count[5], newton_metres / 100, rel_tol=1e-7)
+@pytest.mark.parametrize(
+    ('fields', 'axis', 'units'),
+    [
+        *(({'scfgfu': unit, 'cfgcpf': 10}, 2, newtons / 10) for unit, newtons in FORCES.items()),
+        *(({'scfgtu': unit, 'cfgcpt': 100}, 5, newton_metres / 100) for unit, newton_metres in TORQUES.items()),
+    ],
+)
+def test_units_become_newtons_and_newton_metres(fields: dict[str, object], axis: int, units: float) -> None:
+    config = parse_config(page(**fields), 'box')
+    assert math.isclose(config.units_per_count[axis], units, rel_tol=1e-7)
 
 
 @pytest.mark.parametrize('field', ['scfgfu', 'scfgtu', 'cfgcpf', 'cfgcpt'])
@@ -188,7 +186,3 @@ def test_a_box_whose_counts_mean_nothing_is_refused_by_name(field: str, value: s
 def test_a_page_of_something_else_is_refused() -> None:
     with pytest.raises(DeviceError, match='not that of a Net F/T box'):
         parse_config(b'<html>a printer</html>', 'box')
-
-
-def test_rdt_may_be_switched_off() -> None:
-    assert not parse_config(page(comrdte='Disabled'), 'box').enabled
