@@ -158,14 +158,31 @@ def test_states_of_other_joints_on_the_topic_are_not_taken_for_the_gripper(other
     grasp.close()
 
 
-def test_gripper_whose_driver_ends_ends_the_grasp(finger: Finger) -> None:
+def end_the_gripper(loop: Loop) -> None:
+    loop.gripper._tell = lambda: None  # type: ignore[method-assign]
+    loop.gripper._states.publish = lambda _: None  # type: ignore[method-assign]
+
+
+def blind_a_finger(loop: Loop) -> None:
+    loop.feeling.blind = 'right'
+
+
+@pytest.mark.parametrize(
+    ('fault', 'sentence'),
+    [
+        (end_the_gripper, r'has not reported its opening for \d+ ms, above 1000 ms'),
+        (blind_a_finger, r'the newest valid force is \d+ ms old, above 1000 ms'),
+    ],
+)
+def test_gripper_whose_driver_ends_and_finger_whose_force_stays_invalid_end_the_grasp(
+    finger: Finger, fault: Callable[[Loop], None], sentence: str
+) -> None:
     with Loop(finger, 'object_mm:=49.0', 'grasp.hold_s:=60.0') as loop:
         loop.go_on(lambda: loop.status() == 'holding')
-        loop.gripper._tell = lambda: None  # type: ignore[method-assign]
-        loop.gripper._states.publish = lambda _: None  # type: ignore[method-assign]
+        fault(loop)
         loop.go_on(lambda: loop.grasp.failure is not None)
         assert loop.commands_mm[-1] < 49.0
-    assert re.search(r'has not reported its opening for \d+ ms, above 1000 ms', str(loop.grasp.failure))
+    assert re.search(sentence, str(loop.grasp.failure))
 
 
 @pytest.mark.parametrize('node', [SimulatedGripperNode, GuardedGraspNode])
@@ -175,14 +192,6 @@ def test_hand_of_one_finger_is_no_gripper(node: type[Node], second: str, why: st
     (tmp_path / 'one.yaml').write_text(f'frame: hand\nsensors: [{{name: left}}{second}]\n')
     with pytest.raises(ConfigurationError, match=rf'a gripper has two fingers; .*one.yaml has 1{why}'):
         node(InProcessBus(), parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/one.yaml']))
-
-
-def test_a_finger_whose_force_stays_invalid_ends_the_grasp(finger: Finger) -> None:
-    with Loop(finger, 'object_mm:=49.0', 'grasp.hold_s:=60.0') as loop:
-        loop.go_on(lambda: 'holding' in loop.status())
-        loop.feeling.blind = 'right'
-        loop.go_on(lambda: loop.grasp.failure is not None)
-    assert re.search(r'the newest valid force is \d+ ms old, above 1000 ms', str(loop.grasp.failure))
 
 
 @pytest.mark.parametrize(('blind', 'late_s'), [('right', 0.0), ('', 2.0)])
