@@ -172,23 +172,33 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     assert 'would not help' in load_model(output).card['training']['calibration']['objection']
 
 
-def test_a_calibration_for_this_gel_is_not_calibrated_again(
-    calibrated: Path, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ['--model', str(calibrated), '--dataset', str(presses), '-o', str(tmp_path / 'none')]
-    assert main(['calibrate', *words]) == 1
-    refusal = 'is already calibrated for gel second; to calibrate again start from its source model, first.s'
-    assert refusal in capsys.readouterr().err
-
-
-def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['calibrate', '--model', 'fast', '-o', 'none']) == 1
-    assert 'bags, --dataset FILE or --pictures CSV' in capsys.readouterr().err
+LETTER = Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml'
+PRESSES = ['--dataset', '{presses}']
 
 
 @pytest.mark.parametrize(
     ('words', 'refusal'),
     [
+        (
+            ['--model', '{calibrated}', *PRESSES],
+            'is already calibrated for gel second; to calibrate again start from its source model, first.s',
+        ),
+        (['--model', 'fast'], 'bags, --dataset FILE or --pictures CSV'),
+        (['--model', 'paper', *PRESSES], 'build the data set with the options of the model (--model FILE)'),
+        (
+            ['--model', '{model}', *PRESSES, '--layer', str(LETTER)],
+            "is not a network, but the paper's layer needs one",
+        ),
+        (
+            # Other flows are distinguished by their names; options that both have alike are left out.
+            ['--model', 'portable', *PRESSES],
+            'was trained with flow inverse_compositional, but the data set was made with dis; build',
+        ),
+        # Options that would have no effect.
+        (['--model', 'portable', *PRESSES, '--gel', 'gel-7'], '--gel does not go with --dataset'),
+        (['--model', 'portable', *PRESSES, '--curve'], '--curve needs bags'),
+        (['--model', 'portable', *PRESSES, '--namespace', 'left'], '--namespace needs bags'),
+        # Only a model of any contact needs these.
         (['--dataset', 'gel.npz', '--model', 'portable', '--body', 'ball:5'], 'need a model of any contact'),
         ([*ANY_CONTACT, '--body', 'ball:-5'], 'ball:-5 is not a body: ball: must be followed by a'),
         ([*ANY_CONTACT, '--body', 'flat.stl'], 'cannot read the body flat.stl (No such'),
@@ -198,11 +208,15 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
         (['--model', 'field', '--sensor', 'nowhere.yaml'], "there is no sensor 'nowhere.yaml'"),
     ],
 )
-def test_what_only_any_contact_needs_is_refused_elsewhere(
-    words: list[str], refusal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['calibrate', *words, '-o', str(tmp_path / 'none.safetensors')]) == 1
+def test_what_does_not_go_together_is_refused_in_a_sentence(
+    words: list[str], refusal: str, model: Path, presses: Path, calibrated: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    given = [word.format(model=model, presses=presses, calibrated=calibrated) for word in words]
+    output = tmp_path / 'none.safetensors'
+    assert main(['calibrate', *given, '-o', str(output)]) == 1
     assert refusal in capsys.readouterr().err
+    assert not output.exists()
 
 
 def test_an_open_mesh_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -279,24 +293,6 @@ def test_a_description_alone_makes_a_model(tmp_path: Path, capsys: pytest.Captur
         body_of_card(loaded.card, loaded.model_id)  # that of the shipped model pressed another gel
 
 
-def test_a_network_of_other_features_is_refused(
-    presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    output = tmp_path / 'none.safetensors'
-    assert main(['calibrate', '--model', 'paper', '--dataset', str(presses), '-o', str(output)]) == 1
-    assert 'build the data set with the options of the model (--model FILE)' in capsys.readouterr().err
-    assert not output.exists()
-
-
-def test_a_layer_is_refused_for_an_axisymmetric_model(
-    model: Path, presses: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    letter = Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml'
-    words = ['--model', str(model), '--dataset', str(presses), '--layer', str(letter), '-o', 'none']
-    assert main(['calibrate', *words]) == 1
-    assert "is not a network, but the paper's layer needs one" in capsys.readouterr().err
-
-
 def test_a_network_gets_the_papers_layer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip('torch')
     # So small a network is no better than answering the mean, and would not be written unless forced.
@@ -330,38 +326,23 @@ def layered_words(folder: Path) -> list[str]:
     return [word for name, value in files.items() for word in (name, str(folder / value))]
 
 
-def test_the_model_to_begin_with_is_not_replaced(
-    model: Path, presses: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = model.read_bytes()
-    assert main(['calibrate', '--model', str(model), '--dataset', str(presses), '-o', str(model)]) == 1
-    assert f'{model} is read for it; choose another file' in capsys.readouterr().err
-    assert model.read_bytes() == before
-
-
-@pytest.mark.parametrize('option', ['--sensor', '--body'])
-def test_neither_is_a_description_or_a_body(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / 'mine.yaml'
-    file.write_text('name: mine\n')
-    assert main(['calibrate', '--model', 'field', '--pictures', 'presses.csv', option, str(file), '-o', str(file)]) == 1
-    assert f'{file} is read for it; choose another file' in capsys.readouterr().err
-    assert file.read_text() == 'name: mine\n'
-
-
 @pytest.mark.parametrize(
-    ('unused', 'refusal'),
+    'words',
     [
-        (['--gel', 'gel-7'], '--gel does not go with --dataset'),
-        (['--curve'], '--curve needs bags'),
-        (['--namespace', 'left'], '--namespace needs bags'),
+        ['--dataset', '{presses}', '--model'],
+        ['--model', 'field', '--pictures', 'presses.csv', '--sensor'],
+        ['--model', 'field', '--pictures', 'presses.csv', '--body'],
     ],
 )
-def test_an_option_that_would_have_no_effect_is_refused(
-    unused: list[str], refusal: str, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_neither_the_model_to_begin_with_nor_a_description_nor_a_body_is_replaced(
+    words: list[str], presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ['--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')]
-    assert main(['calibrate', *words, *unused]) == 1
-    assert refusal in capsys.readouterr().err
+    file = tmp_path / 'mine.yaml'
+    file.write_text('name: mine\n')
+    given = [word.format(presses=presses) for word in words]
+    assert main(['calibrate', *given, str(file), '-o', str(file)]) == 1
+    assert f'{file} is read for it; choose another file' in capsys.readouterr().err
+    assert file.read_text() == 'name: mine\n'
 
 
 @pytest.mark.parametrize(
@@ -380,16 +361,6 @@ def test_an_option_for_presses_is_refused_where_a_description_alone_makes_the_mo
     assert f'{unused[0]} ' in (said := capsys.readouterr().err)
     assert 'leave it out' in said
     assert not output.exists()
-
-
-def test_presses_measured_otherwise_are_refused_with_what_differs_alone(
-    presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    # Other flows are distinguished by their names; options that both have alike are left out.
-    words = ['--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')]
-    assert main(['calibrate', *words]) == 1
-    refusal = 'was trained with flow inverse_compositional, but the data set was made with dis; build'
-    assert refusal in capsys.readouterr().err
 
 
 def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(

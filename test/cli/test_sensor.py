@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import shlex
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics
 
+Typed = Callable[[str], io.StringIO]
 CALIBRATION = """\
 image_width: 320
 image_height: 240
@@ -48,6 +50,19 @@ def folder(tmp_path: Path, pictures: list[np.ndarray], monkeypatch: pytest.Monke
     return tmp_path
 
 
+@pytest.fixture
+def typed(monkeypatch: pytest.MonkeyPatch) -> Typed:
+    """What a person types at a terminal."""
+
+    def type_in(text: str) -> io.StringIO:
+        terminal = io.StringIO(text)
+        terminal.isatty = lambda: True  # type: ignore[method-assign]
+        monkeypatch.setattr('sys.stdin', terminal)
+        return terminal
+
+    return type_in
+
+
 def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18.5', '--stiffness', '10A', '--yes']) == 0
     shown = capsys.readouterr().out
@@ -68,15 +83,13 @@ def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytes
     assert Path('mine_check.png').is_file()
 
 
-def test_the_next_command_can_be_typed_as_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_of_a_gel_of_unknown_stiffness_forces_are_known_to_60_percent_and_the_next_command_can_be_typed_as_printed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(['sensor', 'new', 'rest', '-o', 'my sensor.yaml', '--width', '18.5', '--yes']) == 0
     printed = capsys.readouterr().out.rsplit('with: ', 1)[1]
     assert shlex.split(printed)[:4] == ['tactile', 'calibrate', '--sensor', 'my sensor.yaml']
-
-
-def test_a_gel_of_which_nobody_says_how_stiff_it_is_has_forces_that_are_known_to_60_percent(folder: Path) -> None:
-    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18.5', '--yes']) == 0
-    assert load_sensor('mine.yaml').gel.moduli_off == 0.6
+    assert load_sensor('my sensor.yaml').gel.moduli_off == 0.6
 
 
 def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:
@@ -91,16 +104,14 @@ def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:
 
 
 def test_a_gel_that_ends_within_the_picture_has_sides_that_are_asked_for(
-    folder: Path, pictures: list[np.ndarray], monkeypatch: pytest.MonkeyPatch
+    folder: Path, pictures: list[np.ndarray], typed: Typed
 ) -> None:
     """Its left and right are covered; a wrong answer is asked for again."""
     for number, each in enumerate(pictures):
         framed = each.copy()
         framed[:, -50:] = 4
         cv2.imwrite(str(folder / 'rest' / f'{number}.png'), framed)
-    terminal = io.StringIO('2.5\n4\n0.1\nglued\nfree\n0.3\n20\n')
-    terminal.isatty = lambda: True  # type: ignore[method-assign]
-    monkeypatch.setattr('sys.stdin', terminal)
+    terminal = typed('2.5\n4\n0.1\nglued\nfree\n0.3\n20\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
     assert load_sensor('mine.yaml').gel.sides == 'free'
     assert not terminal.read()
@@ -115,11 +126,9 @@ def test_sides_can_be_given(folder: Path) -> None:
 
 
 def test_a_person_is_asked_until_the_answer_can_be_read(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    folder: Path, capsys: pytest.CaptureFixture[str], typed: Typed
 ) -> None:
-    terminal = io.StringIO('\n18.5\nsoft\n4\n0.12\n0.6-0.3\n0.3\n\n')
-    terminal.isatty = lambda: True  # type: ignore[method-assign]
-    monkeypatch.setattr('sys.stdin', terminal)
+    typed('\n18.5\nsoft\n4\n0.12\n0.6-0.3\n0.3\n\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
     sensor = load_sensor('mine.yaml')
     assert sensor.gel.layers_mm == (4.0,)
@@ -131,13 +140,9 @@ def test_a_person_is_asked_until_the_answer_can_be_read(
     assert "'0.6-0.3' is not in order" in printed
 
 
-def test_of_dots_their_pitch_is_asked_for_first(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_dots_their_pitch_is_asked_for_first(folder: Path, capsys: pytest.CaptureFixture[str], typed: Typed) -> None:
     """43.2 px are 2.5 mm, and the dots 19.65 mm away: 340 px of focal length, as the simulated camera has."""
-    terminal = io.StringIO('2.5\n\n\n\n\n')
-    terminal.isatty = lambda: True  # type: ignore[method-assign]
-    monkeypatch.setattr('sys.stdin', terminal)
+    typed('2.5\n\n\n\n\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
     assert load_sensor('mine.yaml').pattern.pitch_mm == 2.5
     assert load_sensor('mine.yaml').camera.focal_px[0] == pytest.approx(340, rel=0.01)
@@ -145,12 +150,8 @@ def test_of_dots_their_pitch_is_asked_for_first(
     assert 'How wide is the whole picture' not in capsys.readouterr().out
 
 
-def test_questions_that_end_early_name_the_flag(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    terminal = io.StringIO('2.5\n')
-    terminal.isatty = lambda: True  # type: ignore[method-assign]
-    monkeypatch.setattr('sys.stdin', terminal)
+def test_questions_that_end_early_name_the_flag(folder: Path, capsys: pytest.CaptureFixture[str], typed: Typed) -> None:
+    typed('2.5\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 1
     assert 'answer with --thickness' in capsys.readouterr().err
     assert not Path('mine.yaml').exists()

@@ -95,6 +95,11 @@ def bench(
     return lambda *parameters: Bench(bus, clock, listen, publisher, *words(*parameters))
 
 
+@pytest.fixture
+def tested(bench: Callable[..., Bench]) -> Bench:
+    return bench()
+
+
 def test_features_carry_the_stamp_of_their_image(bench: Callable[..., Bench]) -> None:
     tested = bench('registration.check:=false')
     tested.show(PATTERN, MOVED)
@@ -123,10 +128,9 @@ def test_of_a_faster_camera_the_first_picture_of_each_frame_interval_is_answered
 
 
 def test_a_camera_from_which_no_picture_comes_any_more_is_reported_and_when_it_is_back(
-    bench: Callable[..., Bench], clock: SteppedClock
+    tested: Bench, clock: SteppedClock
 ) -> None:
     """Its process hangs, say, and reports nothing itself. One that brings a picture every five seconds does not."""
-    tested = bench()
 
     def status(after_s: float, *, comes: bool = False) -> tuple[Level, str]:
         clock.advance(after_s)
@@ -168,8 +172,7 @@ def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_th
     assert lines == [f'/image_raw has 640x480 rgb8: the central {side}x{side} are used (parameter crop)']
 
 
-def test_pictures_that_our_camera_node_has_cut_are_measured_whole(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_pictures_that_our_camera_node_has_cut_are_measured_whole(tested: Bench) -> None:
     tested.show(WHOLE[:, :480])
     assert '/image_raw has 480x480 mono8: used whole' in tested.log()
 
@@ -198,8 +201,7 @@ def test_with_a_description_only_pictures_of_its_size_are_cropped(
     assert f'/image_raw has {width}x{height} mono8: {told.format(described)}' in tested.log()
 
 
-def test_a_knocked_camera_is_no_motion_and_is_reported(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_a_knocked_camera_is_no_motion_and_is_reported(tested: Bench) -> None:
     tested.show(PATTERN, *[MOVED] * 4)
     first, *_, message = tested.measured()
     assert message.moved == pytest.approx(2.0, abs=0.05)
@@ -209,16 +211,14 @@ def test_a_knocked_camera_is_no_motion_and_is_reported(bench: Callable[..., Benc
     assert (first.reasons, message.reasons) == (FORCE.REASON_FOREIGN_MOTION, 0)
 
 
-def test_frames_before_there_is_a_rest_image_say_so(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_frames_before_there_is_a_rest_image_say_so(tested: Bench) -> None:
     tested.show(PATTERN)
     (message,) = tested.features()
     assert message.reasons == FORCE.REASON_NO_REFERENCE
     assert not message.confidence.any()
 
 
-def test_dark_frames_at_the_start_do_not_become_the_rest_image(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_dark_frames_at_the_start_do_not_become_the_rest_image(tested: Bench) -> None:
     tested.show(*[np.zeros_like(PATTERN)] * 3)
     assert tested.rests() == []
     assert 'black' in tested.status('rest image').message
@@ -280,8 +280,7 @@ def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(ben
     assert len(tested.measured()) == 1
 
 
-def test_image_of_another_size_is_reported_and_does_not_end_the_node(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_image_of_another_size_is_reported_and_does_not_end_the_node(tested: Bench) -> None:
     tested.show(PATTERN, PATTERN[:120, :120].copy())
     assert tested.features()[-1].reasons == FORCE.REASON_OTHER_IMAGE
     assert any('120x120' in status.message for status in tested.node.diagnostics.message(0).status)
@@ -291,8 +290,7 @@ def test_image_of_another_size_is_reported_and_does_not_end_the_node(bench: Call
     assert (rest.level, '160x160' in rest.message) == (Level.OK, True)  # pictures are of the right size again
 
 
-def test_dark_image_is_marked(bench: Callable[..., Bench]) -> None:
-    tested = bench()
+def test_dark_image_is_marked(tested: Bench) -> None:
     tested.show(PATTERN, np.zeros_like(PATTERN))
     (message,) = tested.measured()
     assert message.reasons == FORCE.REASON_DARK_IMAGE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -227,11 +226,10 @@ def test_a_whole_picture_is_cropped_as_the_sensor_is_described(
     assert came == [recorded]
 
 
-def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -> None:
+def test_nothing_moves_while_nobody_records_and_no_launch_starts_it_again(bus: InProcessBus, tmp_path: Path) -> None:
     states = listen(bus, topics.RIG_STATE)
     node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
-    node.spin()
-    node.close()
+    assert run_until([node], threading.Event()) == NOT_AGAIN
     assert 'no recorder takes press, press_image and force_torque: none is running, or it has stopped' in str(
         node.failure
     )
@@ -246,11 +244,6 @@ def test_the_rig_does_not_wait_for_simulated_time(bus: InProcessBus, tmp_path: P
     spinning.join(30.0)
     assert 'no recorder' in str(node.failure)
     node.close()
-
-
-def test_what_ends_a_run_keeps_a_launch_from_starting_it_again(bus: InProcessBus, tmp_path: Path) -> None:
-    node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
-    assert run_until([node], threading.Event()) == NOT_AGAIN
 
 
 def test_a_run_that_fails_after_silences_says_how_crowded_the_computer_is(
@@ -322,14 +315,6 @@ def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_p
     assert sorted(each.press for each in published if each.status == types.Press.STATUS_RECORDED) == [1, 2]
 
 
-def test_a_rig_that_waits_for_a_device_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:
-    asked = threading.Event()
-    asked.set()
-    begin = dataclasses.replace(arguments(tmp_path, f'cnc.source: {tmp_path}/not_plugged_in'), ending=asked)
-    with pytest.raises(AskedToEndError):
-        RigNode(bus, begin, SystemClock())
-
-
 def with_a_bag(folder: Path) -> Path:
     writer = BagWriter(folder / 'bag')
     writer.add_topic(BagTopic.of_type('/press', topics.PRESS.type_name))
@@ -338,12 +323,15 @@ def with_a_bag(folder: Path) -> Path:
     return folder
 
 
-def test_a_rig_that_searches_large_bags_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:
+@pytest.mark.parametrize('waits_for', ['a device', 'large bags'])
+def test_a_rig_that_waits_or_searches_large_bags_ends_when_it_is_asked_to(
+    bus: InProcessBus, tmp_path: Path, waits_for: str
+) -> None:
     noted(bus, with_a_bag(tmp_path))
-    asked = threading.Event()
-    asked.set()
+    begin = arguments(tmp_path, f'cnc.source: {tmp_path}/not_plugged_in' if waits_for == 'a device' else '')
+    begin.ending.set()
     with pytest.raises(AskedToEndError):
-        RigNode(bus, dataclasses.replace(arguments(tmp_path), ending=asked), SystemClock())
+        RigNode(bus, begin, SystemClock())
 
 
 def test_a_run_that_searches_large_bags_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:

@@ -342,8 +342,7 @@ def test_nonsense_from_a_peer_does_not_end_a_bridge(machine: Callable[[], Machin
     here, there = robot.agent(), lab.agent()
     here.advertise('/n')
     there.listen('/n')
-    raw = open_session(None, [Address(HERE, port)])
-    try:
+    with contextlib.closing(open_session(None, [Address(HERE, port)])) as raw:
         tokens = [raw.liveliness().declare_token(key) for key in (key_of('mallory'), 'tactile_nodes/9/other')]
         alive = partial(raw.liveliness().get, key_of('*'))
         (uid,) = until(lambda: {str(each.ok.key_expr).split('/')[2] for each in alive()} - {'mallory'})
@@ -356,8 +355,6 @@ def test_nonsense_from_a_peer_does_not_end_a_bridge(machine: Callable[[], Machin
         lab.bridge(f'connect:={HERE}:{port}')
         _until_received(here, there, '/n')
         assert len(tokens) == 2
-    finally:
-        raw.close()
 
 
 def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
@@ -365,14 +362,11 @@ def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
 ) -> None:
     robot = machine()
     bridge = robot.bridge(f'listen:={HERE}:{port}')
-    raw = open_session(None, [Address(HERE, port)])
-    try:
+    with contextlib.closing(open_session(None, [Address(HERE, port)])) as raw:
         token = raw.liveliness().declare_token(key_of('other', version='9'))
         sentence = f'has version 9 of the bridge, this one has {VERSION}: update the older'
         until(lambda: sentence in bridge.output)
         assert token is not None
-    finally:
-        raw.close()
 
 
 @pytest.mark.parametrize(
@@ -422,14 +416,10 @@ def test_plain_tcp_on_a_network_needs_the_words(port: int) -> None:
 @pytest.mark.parametrize(
     ('text', 'loopback'),
     [
-        ('127.0.0.1:1', True),
-        ('localhost:1', True),
-        ('[::1]:1', True),
-        ('*:1', False),
-        ('0.0.0.0:1', False),
-        ('robot:1', False),
+        ('127.0.0.1:1', True), ('localhost:1', True), ('[::1]:1', True),
+        ('*:1', False), ('0.0.0.0:1', False), ('robot:1', False),
     ],
-)
+)  # fmt: skip
 def test_loopback_is_reported_from_networks(text: str, loopback: bool) -> None:
     assert Address.parse(text).is_loopback() is loopback
 
@@ -458,9 +448,10 @@ def test_bridge_listens_at_one_port_and_the_connecting_one_at_none(
 
 
 def test_message_longer_than_any_is_not_taken_in_and_the_others_are(port: int) -> None:
-    here = open_session(Address(HERE, port))
-    there = open_session(None, [Address(HERE, port)])
-    try:
+    with (
+        contextlib.closing(open_session(Address(HERE, port))) as here,
+        contextlib.closing(open_session(None, [Address(HERE, port)])) as there,
+    ):
         came: list[int] = []
         subscriber = here.declare_subscriber('n', lambda sample: came.append(len(sample.payload)))
         until(lambda: there.put('n', b'x') or came)
@@ -469,9 +460,16 @@ def test_message_longer_than_any_is_not_taken_in_and_the_others_are(port: int) -
         until(lambda: 7 in came)
         assert [length for length in came if length > 1] == [LONGEST_BYTES // 2, 7]
         subscriber.undeclare()
-    finally:
-        there.close()
-        here.close()
+
+
+@contextlib.contextmanager
+def bridged(here: ZmqBus, there: ZmqBus, port: int) -> Iterator[tuple[Bridge, Bridge]]:
+    """Of two buses of this process, the bridge that listens and the one that connects."""
+    with (
+        contextlib.closing(Bridge(here, open_session(Address(HERE, port)), Choice())) as listening,
+        contextlib.closing(Bridge(there, open_session(None, [Address(HERE, port)]), Choice())) as connecting,
+    ):
+        yield listening, connecting
 
 
 def test_type_that_a_bridge_does_not_know_keeps_nothing_else_from_crossing(
@@ -483,15 +481,10 @@ def test_type_that_a_bridge_does_not_know_keeps_nothing_else_from_crossing(
     ends = {'publishers': (Endpoint(topic, kind, '/n', gid=outlet.gid),), 'subscriptions': (Endpoint(topic, kind, ''),)}
     newer.announce(Record(Participant('0123abcd', 1, 'robot', **ends), (outlet,), newer.socket_address(0)))
     here, there = join(7), join(8)
-    listening = Bridge(here, open_session(Address(HERE, port)), Choice())
-    connecting = Bridge(there, open_session(None, [Address(HERE, port)]), Choice())
-    try:
+    with bridged(here, there, port) as (listening, connecting):
         until(lambda: there.graph().publishers(topic), 'the machines to see each other')
         assert listening.faults == connecting.faults == 0
-    finally:
-        connecting.close()
-        listening.close()
-        newer.leave()
+    newer.leave()
 
 
 def test_a_change_that_did_not_arrive_is_asked_for(
@@ -499,18 +492,16 @@ def test_a_change_that_did_not_arrive_is_asked_for(
 ) -> None:
     """One that is published while the others connect may be lost, or be overtaken by the answer from before."""
     hear, lost = Bridge._hear, list[str]()
+    here, there = join(7), join(8)
 
     def hear_all_but_one(bridge: Bridge, sample: zenoh.Sample) -> None:
-        if bridge is connecting and b'/late' in sample.payload.to_bytes() and not lost:
+        if bridge._bus is there and b'/late' in sample.payload.to_bytes() and not lost:
             lost.append(str(sample.key_expr))
         else:
             hear(bridge, sample)
 
     monkeypatch.setattr(Bridge, '_hear', hear_all_but_one)
-    here, there = join(7), join(8)
-    listening = Bridge(here, open_session(Address(HERE, port)), Choice())
-    connecting = Bridge(there, open_session(None, [Address(HERE, port)]), Choice())
-    try:
+    with bridged(here, there, port) as (_, connecting):
         until(
             lambda: [clock for _, clock in connecting.connected() if clock.ahead_ns is not None],
             'them to know each other',
@@ -518,9 +509,6 @@ def test_a_change_that_did_not_arrive_is_asked_for(
         here.add_node('/late')
         until(lambda: '/late' in there.graph().nodes())
         assert lost
-    finally:
-        connecting.close()
-        listening.close()
 
 
 def test_closed_bridge_receives_nothing_more_of_what_it_forwarded(join: Callable[[], ZmqBus], port: int) -> None:

@@ -98,15 +98,13 @@ def test_sizes_are_shown_as_ros2_bag_shows_them(size: int, shown: str) -> None:
     assert command.size_text(size) == shown
 
 
-def test_compare_says_how_many_stamps_are_identical(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    first, second = make(tmp_path / 'a', 0.5, 1.0), make(tmp_path / 'b', 0.5, 1.0)
-    assert main(['bag', 'compare', str(first), str(second)]) == 0
+def test_compare_says_how_many_stamps_are_identical_and_exits_1_when_a_number_differs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, same, other = (make(tmp_path / name, 0.5, last) for name, last in (('a', 1.0), ('b', 1.0), ('c', 1.5)))
+    assert main(['bag', 'compare', str(first), str(same)]) == 0
     assert capsys.readouterr().out == '2 of 2 common stamps bit-identical\n'
-
-
-def test_compare_exits_1_when_a_number_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    first, second = make(tmp_path / 'a', 0.5, 1.0), make(tmp_path / 'b', 0.5, 1.5)
-    assert main(['bag', 'compare', str(first), str(second)]) == 1
+    assert main(['bag', 'compare', str(first), str(other)]) == 1
     assert capsys.readouterr().out.splitlines() == [
         '1 of 2 common stamps bit-identical',
         'numbers that differ (number of stamps): total (1); largest difference 0.5',

@@ -183,13 +183,6 @@ def test_a_camera_that_is_slower_than_it_says_is_reported(device, start) -> None
     assert 'frames/s, but announces 100' in camera.health.message
 
 
-def test_pictures_that_opencv_cannot_convert_are_lost_and_end_in_a_sentence(device, start) -> None:
-    camera = start(stall_s=0.2)
-    camera.read(20.0)
-    device.unreadable = True
-    assert 'no complete picture' in until_lost(camera)
-
-
 @pytest.mark.parametrize('number', [errno.EACCES, errno.EBUSY, errno.EINVAL, errno.ERANGE, errno.EIO])
 def test_a_control_that_the_kernel_refuses_to_change_is_no_error(
     number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -230,11 +223,21 @@ def test_pictures_that_are_cut_short_are_dropped_and_counted(device, start) -> N
     assert all(later.dropped > earlier.dropped for earlier, later in itertools.pairwise(frames))
 
 
-def test_an_unplugged_camera_is_lost_at_once_and_does_not_burn_a_core(device, start) -> None:
-    camera = start(stall_s=60.0)
+@pytest.mark.parametrize(
+    ('stall_s', 'fault', 'sentence'),
+    [
+        pytest.param(60.0, lambda device: device.unplug(), 'was unplugged; plug it in again', id='unplugged: at once'),
+        pytest.param(
+            0.2, lambda device: setattr(device, 'unreadable', True), 'no complete picture',
+            id='pictures that OpenCV cannot convert',
+        ),
+    ],
+)  # fmt: skip
+def test_a_camera_without_pictures_is_lost_with_a_sentence(device, start, stall_s: float, fault, sentence: str) -> None:
+    camera = start(stall_s=stall_s)
     camera.read(20.0)
-    device.unplug()
-    assert 'was unplugged; plug it in again' in until_lost(camera)
+    fault(device)
+    assert sentence in until_lost(camera)
 
 
 def test_a_camera_that_fails_every_grab_is_lost_after_the_stall_time_without_spinning(device, start) -> None:

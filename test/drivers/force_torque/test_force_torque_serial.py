@@ -102,37 +102,34 @@ def test_the_filter_gives_the_rate(rate_hz: float, sinc: int) -> None:
     assert bota.sinc_for(rate_hz) == sinc
 
 
-def test_the_dialogue_is_that_of_the_manual() -> None:
-    port = ScriptedPort(b'App Init\r\n', list(DIALOGUE))
+def set_up(greeting: bytes, dialogue: list[tuple[bytes, bytes]]) -> None:
+    """See that all of the dialogue is said."""
+    port = ScriptedPort(greeting, list(dialogue))
     bota.set_up(port, 512, 460_800)
     port.close()
 
 
-def test_a_sensor_that_runs_already_is_set_up_all_the_same() -> None:
-    port = ScriptedPort(FRAME * 4, [(b'C', FRAME[5:] + b'r,0,C,0\r\n'), *DIALOGUE[1:]])
-    bota.set_up(port, 512, 460_800)
-    port.close()
+def test_the_dialogue_is_that_of_the_manual_also_with_a_sensor_that_runs_already() -> None:
+    set_up(b'App Init\r\n', DIALOGUE)
+    set_up(FRAME * 4, [(b'C', FRAME[5:] + b'r,0,C,0\r\n'), *DIALOGUE[1:]])
 
 
 def test_a_refused_command_is_named() -> None:
-    port = ScriptedPort(b'App Init', [*DIALOGUE[:2], (b'f,512,0,0,1', b'r,0,f,1\r\n')])
     with pytest.raises(DeviceError, match='refuses'):
-        bota.set_up(port, 512, 460_800)
+        set_up(b'App Init', [*DIALOGUE[:2], (b'f,512,0,0,1', b'r,0,f,1\r\n')])
 
 
 def test_a_sensor_that_is_still_starting_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """It starts later than usual, or does not listen yet after its text."""
     monkeypatch.setattr(bota, 'BOOT_S', 0.01)
     monkeypatch.setattr(bota, 'ANSWER_S', 0.01)
-    port = ScriptedPort(b'', [(b'C', b''), (b'C', b'App Init\r\n'), *DIALOGUE])
-    bota.set_up(port, 512, 460_800)
-    port.close()
+    set_up(b'', [(b'C', b''), (b'C', b'App Init\r\n'), *DIALOGUE])
 
 
 def test_a_device_that_does_not_answer_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bota, 'ANSWER_S', 0.01)
     with pytest.raises(DeviceTimeoutError, match='does not respond'):
-        bota.set_up(ScriptedPort(b'App Init', [(b'C', b'unknown command')] * bota.STOP_TRIES), 512, 460_800)
+        set_up(b'App Init', [(b'C', b'unknown command')] * bota.STOP_TRIES)
 
 
 def test_an_answer_that_was_there_before_this_computer_paused_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,9 +140,7 @@ def test_an_answer_that_was_there_before_this_computer_paused_is_read(monkeypatc
         return now_s[0]
 
     monkeypatch.setattr(bota.clocks, 'monotonic_s', late)
-    port = ScriptedPort(b'App Init\r\n', list(DIALOGUE))
-    bota.set_up(port, 512, 460_800)
-    port.close()
+    set_up(b'App Init\r\n', DIALOGUE)
 
 
 @pytest.mark.parametrize(
@@ -164,18 +159,10 @@ def test_a_line_is_a_time_and_one_to_six_numbers(line: bytes, expected: tuple) -
 @pytest.mark.parametrize(
     'line',
     [
-        b'',
-        b'1200',
-        b'1200,',
-        b'-5,3',
-        b'1200,abc',
-        b'1,2,3,4,5,6,7,8',
-        b'12 00,3',
-        b'1200,0x7f',
-        b'1200,none',
+        b'', b'1200', b'1200,', b'-5,3', b'1200,abc', b'1,2,3,4,5,6,7,8', b'12 00,3', b'1200,0x7f', b'1200,none',
         b'# 1,2',
     ],
-)
+)  # fmt: skip
 def test_anything_else_is_no_line(line: bytes) -> None:
     assert text.parse(line) is None
 
