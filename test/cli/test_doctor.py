@@ -33,10 +33,7 @@ def test_memory_is_read_in_kilobytes(tmp_path: Path) -> None:
     assert checks.memory(meminfo) == Finding('memory', 'ok', '1.5 GB available of 4.1')
     meminfo.write_text('MemTotal:  4000000 kB\nMemAvailable:  500000 kB\n', encoding='ascii')
     assert checks.memory(meminfo).level == 'warning'
-
-
-def test_memory_that_cannot_be_read_is_no_complaint(tmp_path: Path) -> None:
-    assert checks.memory(tmp_path / 'none').level == 'ok'
+    assert checks.memory(tmp_path / 'none').level == 'ok'  # what cannot be read is no complaint
 
 
 @pytest.mark.parametrize(
@@ -135,16 +132,15 @@ def test_a_camera_that_may_not_be_opened_says_how_to_join_its_group(
     assert 'sudo usermod -aG video $USER' in finding.remedy
 
 
-def test_serial_ports_belong_to_another_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serial_ports_belong_to_another_group_and_none_is_no_complaint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert checks.serial_ports(tmp_path).level == 'ok'
     (tmp_path / 'ttyUSB0').touch()
     (tmp_path / 'ttyACM1').touch()
     assert checks.serial_ports(tmp_path) == Finding('serial ports', 'ok', 'ttyACM1, ttyUSB0')
     closed(monkeypatch)
     assert 'sudo usermod -aG dialout $USER' in checks.serial_ports(tmp_path).remedy
-
-
-def test_no_serial_port_is_no_complaint(tmp_path: Path) -> None:
-    assert checks.serial_ports(tmp_path).level == 'ok'
 
 
 def test_a_run_folder_that_cannot_be_had_is_a_problem(tmp_path: Path) -> None:

@@ -79,13 +79,10 @@ def test_what_was_not_published_during_a_pause_is_not_published_at_once_after_it
     assert times_ms == [0, 100, 1100, 1200, 1300]
 
 
-def test_info_tells_type_and_counts(other: ZmqBus, tactile: Tactile) -> None:
-    other.advertise('/b', STRING, QUEUE)
-    assert tactile('topic', 'info', 'b').out == f'Type: {STRING}\n\nPublisher count: 1\nSubscription count: 0\n'
-
-
-def test_verbose_info_names_the_ends(other: ZmqBus, tactile: Tactile) -> None:
+def test_info_tells_type_and_counts_and_with_verbose_names_the_ends(other: ZmqBus, tactile: Tactile) -> None:
     other.advertise('/skin/b', STRING, QUEUE, '/skin/talker')
+    counts = 'Publisher count: 1\nSubscription count: 0\n'
+    assert tactile('topic', 'info', 'skin/b').out == f'Type: {STRING}\n\n{counts}'
     lines = tactile('topic', 'info', '/skin/b', '-v').out.splitlines()
     assert {'Node name: talker', 'Node namespace: /skin', 'Endpoint type: PUBLISHER'} <= set(lines)
 
@@ -120,25 +117,20 @@ def clock_of_nobody(monkeypatch: pytest.MonkeyPatch) -> SteppedClock:
     return clock
 
 
-@pytest.mark.parametrize('command', ['echo', 'hz', 'bw', 'delay'])
+@pytest.mark.parametrize(
+    ('words', 'waits_s'),
+    [*(((command, '/nothing'), '10') for command in ('echo', 'hz', 'bw', 'delay')),
+     (('echo', '/nothing', '--timeout', '0.1'), '0.1')],
+)  # fmt: skip
 def test_what_listens_waits_for_an_unknown_topic_and_gives_up(
-    command: str, tactile: Tactile, clock_of_nobody: SteppedClock
+    words: tuple[str, ...], waits_s: str, tactile: Tactile, clock_of_nobody: SteppedClock
 ) -> None:
-    ended = tactile('topic', command, '/nothing')
+    ended = tactile('topic', *words)
     assert (ended.status, ended.out) == (1, '')
     waiting, given_up = ended.err.splitlines()
-    assert waiting == 'no publisher and no subscriber of /nothing yet; waiting up to 10 s'
+    assert waiting == f'no publisher and no subscriber of /nothing yet; waiting up to {waits_s} s'
     assert given_up.startswith('there is no topic /nothing')
-    assert clock_of_nobody.now_ns() == 10_000 * MS
-
-
-def test_echo_waits_for_an_unknown_topic_no_longer_than_its_timeout(
-    tactile: Tactile, clock_of_nobody: SteppedClock
-) -> None:
-    ended = tactile('topic', 'echo', '/nothing', '--timeout', '0.1')
-    assert ended.status == 1
-    assert 'waiting up to 0.1 s\nthere is no topic /nothing' in ended.err
-    assert clock_of_nobody.now_ns() == 100 * MS
+    assert clock_of_nobody.now_ns() == round(float(waits_s) * 1000) * MS
 
 
 def test_a_topic_that_appears_after_four_seconds_is_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
