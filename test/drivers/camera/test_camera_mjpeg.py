@@ -47,15 +47,21 @@ def until_lost(camera: Camera) -> str:
     return health.message
 
 
-def test_a_silent_server_is_lost_after_the_stall_time(serve: Serve, clock: SystemClock) -> None:
-    """By its socket, or by the pictures that are missing, whichever is noticed first; and not before."""
+def sends(count: int, stalls: bool = True) -> Callable[..., None]:
+    """What a server does: so many pictures, and then nothing more, or the end of the connection."""
 
     def script(peer) -> None:
         peer.head()
-        peer.stream(count=2)
-        peer.stall()
+        peer.stream(count=count)
+        if stalls:
+            peer.stall()
 
-    camera = connected(serve(script), clock, stall_s=0.3)
+    return script
+
+
+def test_a_silent_server_is_lost_after_the_stall_time(serve: Serve, clock: SystemClock) -> None:
+    """By its socket, or by the pictures that are missing, whichever is noticed first; and not before."""
+    camera = connected(serve(sends(2)), clock, stall_s=0.3)
     last = camera.read(20.0)
     reason = until_lost(camera)
     assert 'has sent nothing for 0.3 s' in reason or 'has sent no complete picture for ' in reason
@@ -75,11 +81,7 @@ def test_a_server_that_trickles_bytes_without_a_picture_is_lost_too(serve: Serve
 
 
 def test_a_cut_connection_is_lost_at_once(serve: Serve, clock: SystemClock) -> None:
-    def script(peer) -> None:
-        peer.head()
-        peer.stream(count=2)
-
-    assert 'has ended its stream' in until_lost(connected(serve(script), clock, stall_s=5.0))
+    assert 'has ended its stream' in until_lost(connected(serve(sends(2, stalls=False)), clock, stall_s=5.0))
 
 
 def test_pictures_that_are_not_whole_are_dropped_and_counted(serve: Serve, clock: SystemClock, jpeg_of: Jpeg) -> None:
@@ -136,12 +138,7 @@ def test_pictures_are_stamped_when_they_arrive(serve: Serve, clock: SystemClock,
 
 
 def test_closing_does_not_wait_for_a_silent_server(serve: Serve, clock: SystemClock) -> None:
-    def script(peer) -> None:
-        peer.head()
-        peer.stream(count=1)
-        peer.stall()
-
-    camera = connected(serve(script), clock, stall_s=120.0)
+    camera = connected(serve(sends(1)), clock, stall_s=120.0)
     (thread,) = (each for each in threading.enumerate() if each.name.startswith('camera '))
     camera.close()
     thread.join(30)
@@ -149,12 +146,8 @@ def test_closing_does_not_wait_for_a_silent_server(serve: Serve, clock: SystemCl
 
 
 def test_a_server_without_pictures_fails_to_open_in_time(serve: Serve, clock: SystemClock) -> None:
-    def script(peer) -> None:
-        peer.head()
-        peer.stall()
-
     with pytest.raises(DeviceError, match=r'has sent nothing for 0\.3 s'):
-        connected(serve(script), clock, stall_s=0.3)
+        connected(serve(sends(0)), clock, stall_s=0.3)
 
 
 @pytest.mark.parametrize(
