@@ -151,9 +151,6 @@ class Agent:
     def sent(self, topic: str) -> list[int]:
         return self.sent_so_far.get(topic, [])
 
-    def dropped(self, topic: str) -> int:
-        return self.subscriptions[topic].dropped
-
     def serve(self, name: str, behaviour: str) -> None:
         def handle(request: Any, reply: Callable[[Any], None]) -> None:
             self.calls += 1

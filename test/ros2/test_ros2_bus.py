@@ -36,8 +36,8 @@ def _number(value: int) -> types.Int64:
     return types.Int64(data=value)
 
 
-def _connected(publisher: Any, until: Until, count: int = 1) -> Any:
-    until(lambda: publisher.listeners >= count)
+def _connected(publisher: Any, until: Until) -> Any:
+    until(lambda: publisher.listeners)
     return publisher
 
 

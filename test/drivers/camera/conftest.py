@@ -85,17 +85,14 @@ class Peer:
     def raw(self, data: bytes) -> None:
         self._handler.wfile.write(data)
 
-    def part(self, body: bytes, length: int | None = -1) -> None:
-        """A part; `length` None leaves the header out, another number lies."""
-        stated = len(body) if length == -1 else length
-        head = f'--{BOUNDARY}\r\nContent-Type: image/jpeg\r\n'
-        head += f'Content-Length: {stated}\r\n\r\n' if stated is not None else '\r\n'
+    def part(self, body: bytes) -> None:
+        head = f'--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(body)}\r\n\r\n'
         self.raw(head.encode() + body + b'\r\n')
 
-    def stream(self, count: int = 10_000, fps: float = 100.0, start: int = 0) -> None:
-        for number in range(start, start + count):
+    def stream(self, count: int = 10_000) -> None:
+        for number in range(count):
             self.part(jpeg(number))
-            if self.over.wait(1 / fps):
+            if self.over.wait(0.01):
                 return
 
     def wait_until_left(self) -> None:
@@ -115,7 +112,7 @@ def serve() -> Iterator[Callable[[Callable[[Peer], None]], str]]:
     """Start an HTTP server whose answers a script writes; gives its address."""
     servers: list[tuple[http.server.ThreadingHTTPServer, threading.Event]] = []
 
-    def start(script: Callable[[Peer], None], port: int = 0) -> str:
+    def start(script: Callable[[Peer], None]) -> str:
         over = threading.Event()
 
         class Handler(http.server.BaseHTTPRequestHandler):
@@ -126,7 +123,7 @@ def serve() -> Iterator[Callable[[Callable[[Peer], None]], str]]:
             def log_message(self, *args: object) -> None:
                 """Quiet."""
 
-        server = http.server.ThreadingHTTPServer(('127.0.0.1', port), Handler)
+        server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
         servers.append((server, over))
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         return f'http://127.0.0.1:{server.server_address[1]}/stream.mjpg'
