@@ -49,9 +49,11 @@ def test_a_policy_sets_both_lines_of_a_port(policy: str, high: bool, monkeypatch
     ],
 )
 def test_a_port_that_is_lost_says_why(said: str, told: str) -> None:
-    def read(count: int) -> bytes:
+    def fail(_: object) -> bytes:
         raise serial.SerialException(said)
 
-    port: Any = SimpleNamespace(read=read)
-    with pytest.raises(DeviceLostError, match=rf'/dev/tty9 is gone \({told}\); check its cable'):
-        serial_port.SerialPort(port, '/dev/tty9').read(0.1)
+    system: Any = SimpleNamespace(read=fail, write=fail)
+    port = serial_port.SerialPort(system, '/dev/tty9')
+    for use in (lambda: port.read(0.1), lambda: port.write(b'?')):
+        with pytest.raises(DeviceLostError, match=rf'/dev/tty9 is gone \({told}\); check its cable'):
+            use()

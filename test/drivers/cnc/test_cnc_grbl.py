@@ -531,6 +531,16 @@ def test_an_unplugged_machine_is_lost_at_once_and_can_be_connected_again(tmp_pat
         assert not rig.cnc.status().homed
 
 
+def test_a_machine_that_is_unplugged_as_a_line_is_sent_is_lost(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(data: bytes) -> None:
+        raise DeviceLostError('the port is gone')
+
+    monkeypatch.setattr(rig.port, 'write', gone)
+    with pytest.raises(DeviceLostError, match='the port is gone'):
+        rig.cnc.move(z=rig.at(0, 0, -6)[2], feed=600.0)
+    assert rig.cnc.health.level == Level.ERROR
+
+
 @pytest.mark.parametrize('dtr', ['pulse', 'low', 'untouched'])
 def test_every_policy_for_the_reset_line_opens_a_port(dtr: str, tmp_path: Path) -> None:
     with pty_rig('grbl', tmp_path, dtr=dtr) as rig:
