@@ -14,8 +14,8 @@ tracked."""
 
 NEAR_A_PATCH = 1.8
 """The same for markers near the surface, whose motion changes within a patch. On `speckle_membrane` and `9dtact_like`
-totals are then 3.0 and 3.4 % off instead of 5.5 and 8.0 %, centres 0.07 and 0.11 mm instead of 0.09 and 0.21 mm
-(`tactile bench sensors --seed 101`)."""
+totals are then 2.9 and 3.7 % off instead of 4.3 and 6.6 %, centres 0.09 and 0.12 mm instead of 0.09 and 0.16 mm (means
+of `tactile bench sensors` with the seeds 101, 606, and 717 with `--each 1`)."""
 
 REGIONS_A_DOT = 1.15
 """Regions per dot along a row of printed dots: with fewer than one, two dots would be merged."""
