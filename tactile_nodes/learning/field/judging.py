@@ -34,10 +34,10 @@ UNPRESSED, FEW = 0.05, 10
 """Relative error of forces where no press measured the regions' response. If a ball pressed, it falls with the root of
 the number of presses beyond `FEW`. For a tip, a punch, a square or a ring leaves 6 to 8 % even with sixty presses."""
 
-NEAR_THE_SURFACE, OF_DOTS = 0.1, 0.2
-"""The same for markers near the surface, and for printed dots. With these 90 % intervals hold 18 of 20 totals each on
-`9dtact_like`, `digit_like` and `printed_dots`, and all on `speckle_membrane` (`tactile bench sensors --seed 101`, with
-`gel.moduli_off` set to zero)."""
+NEAR_THE_SURFACE, OF_DOTS = 0.12, 0.2
+"""The same for markers near the surface, and for printed dots. With these 90 % intervals hold 18 of 20 totals on
+`9dtact_like` (with 0.1 only 16), and all on the others (`tactile bench sensors --seed 101`, with `gel.moduli_off` set
+to zero)."""
 
 PASSES = 3
 """Passes in which a field is solved for markers near the surface."""
