@@ -29,9 +29,8 @@ DEEPEST = 0.18
 """Share of the gel's thickness up to which a press is used: 0.5 N of the paper's tip, 1.1 mm deep."""
 
 NEAR_DEEPEST = 0.08
-"""The same for spheres near the surface, which move less in proportion. A gain by 30 presses of a ball of 3 mm up to
-0.18 makes totals 4.4 and 6.0 % off on `speckle_membrane` and `9dtact_like`, and up to 0.08 2.8 and 4.2 %
-(`tactile bench sensors --seed 101`)."""
+"""The same for spheres near the surface: deeper bodies move them less in proportion, so that with a gain by deep
+presses the forces of other contacts would be too large."""
 
 LEAST_LINEAR, MOST_FITTED = 10, 300
 STEP = 1.25
