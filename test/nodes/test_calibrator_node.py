@@ -232,6 +232,7 @@ def test_presses_of_a_bag_on_another_gel_than_the_running_one_are_refused(
     [
         ('model', 'paper', 'only an axisymmetric response can be transferred'),
         ('output', '{folder}', 'it is a folder'),
+        ('output', '{folder}/mine.onnx', 'tactile model export'),
         ('output', '{model}', 'is read for it'),
     ],
 )

@@ -20,8 +20,8 @@ from tactile_nodes.learning.field.calibration import pressed_by
 from tactile_nodes.learning.recorded.building import gel_entry
 from tactile_nodes.learning.transfer.fit import Transfer
 from tactile_nodes.messages import types
+from tactile_nodes.model_file import check_model_output
 from tactile_nodes.params import parameter
-from tactile_nodes.paths import check_output
 from tactile_nodes.pipeline.ready_model import Inputs
 
 
@@ -61,7 +61,7 @@ class CalibrationSession:
     def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
         self._settings, self._tell, self.ended = settings, tell, False
         self._source = Source.find(settings.model)
-        check_output(self._file(), self._source.file)
+        check_model_output(self._file(), self._source.file)
         pressed = pressed_by(self._source.loaded, body=settings.body)
         self.calibrator = Calibrator(self._source.loaded, gel_entry(settings.gel), settings.rule, pressed=pressed)
         self._begun_ns = perf_ns()
