@@ -65,6 +65,9 @@ WAYS = (
     Way('ours, half size', _ours(1), by_grid=True),
     Way('ours, quarter size', _ours(2), (10, 20), by_grid=True),
 )
+AXISYMMETRIC = (('ours, full size', 20), ('DIS ultrafast, scale 1', 20))
+"""Methods and grids that are also tested with the readout `axisymmetric`: those of `portable`, and with the flow of
+`paper`."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,8 @@ class Contender:
     def name(self) -> str:
         """Its name in tables."""
         polar = ', polar' if self.encoding == 'polar_mean' else ''
-        return f'{self.way}, {self.regions}x{self.regions}{polar}{", network" if self.readout == "network" else ""}'
+        readout = '' if self.readout == 'response' else f', {self.readout}'
+        return f'{self.way}, {self.regions}x{self.regions}{polar}{readout}'
 
     def config(self) -> TrainConfig:
         """The configuration for its readout: a response as in the profiles, or a smaller network than the paper's."""
@@ -95,14 +99,15 @@ class Contender:
 
 
 def contenders(ways: Sequence[Way], networks: bool) -> list[Contender]:
-    """All contenders of some methods, by grid and encoding; networks only for the paper's features and ours."""
+    """All contenders of some methods, by grid and encoding; other readouts than `response` for a few features only."""
     made = [
         Contender(way.name, regions, encoding)
         for way in ways for regions in way.grids for encoding in way.encodings
         if encoding == 'cartesian_mean'  # the response needs additive motion; magnitude and angle are not additive
     ]  # fmt: skip
+    names = {way.name for way in ways}
+    made += [Contender(*each, 'cartesian_mean', 'axisymmetric') for each in AXISYMMETRIC if each[0] in names]
     if networks:
-        names = {way.name for way in ways}
         asked = [('DIS medium, scale 1', 40, 'polar_mean'), ('DIS medium, scale 1', 40, 'cartesian_mean')]
         asked += [('ours, half size', regions, 'cartesian_mean') for regions in (10, 20)]
         made += [Contender(*each, 'network') for each in asked if each[0] in names]

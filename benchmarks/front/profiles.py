@@ -1,4 +1,4 @@
-"""The shipped models on the chart's test frames: the cost of each stage, and of basic operations.
+"""The shipped models on the chart's test frames: errors, the cost of each stage, and of basic operations.
 
 The models run in turn, ten frames at a time, because a sensor measures frames in sequence; in NumPy, and with compiled
 loops if numba is installed. The camera's picture (JPEG, 640x480) is decoded once per frame and timed separately.
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from benchmarks.front.chains import measure_chains
 from benchmarks.front.contenders import one_thread
 from benchmarks.front.frames import SIDE, Frame, Plan, frames
 from benchmarks.harness.report import in_turn, quartiles
@@ -35,8 +36,6 @@ JPEG_QUALITY, SMALLER_QUALITY = 90, 75
 STAGES = ('flow', 'features', 'predict')
 TURN = 10
 JPEG = 'JPEG 640x480 to grey'
-MEDIUM = 'paper, DIS medium'
-"""The paper names no preset: its features with the most common one, only for the time."""
 
 
 @dataclass
@@ -50,6 +49,11 @@ class Profile:
     times_ms: list[tuple[float, ...]] = field(default_factory=list)
     answers: list[np.ndarray] = field(default_factory=list)
     rest: np.ndarray | None = None
+
+    @property
+    def model(self) -> str:
+        """The name of the model, compiled or not."""
+        return self.name.partition(',')[0]
 
     def __post_init__(self) -> None:
         self.encoding = make_encoding(*self.loaded.encoding)
@@ -86,8 +90,7 @@ def profiles(compiled: bool) -> list[Profile]:
         made.append(Profile(name, loaded, make_flow(*loaded.flow)))
         if name != 'paper' and compiled:
             made.append(Profile(f'{name}, compiled', loaded, make_flow(*loaded.flow, compiled=True), compiled=True))
-    paper = made[0].loaded
-    return [*made, Profile(MEDIUM, paper, make_flow('dis', {'preset': 'medium', 'finest_scale': 1}))]
+    return made
 
 
 def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
@@ -106,8 +109,12 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
                 _take_floors(others, frame.image, frame.rest)
             bar.advance()
     known = np.array([frame.press for turn in turns for frame in turn], np.float32)
+    chains = measure_chains([(each.model, each.compiled) for each in taking_part], plan, progress)
     return {
-        'profiles': {each.name: _entry(each, known) for each in taking_part},
+        'profiles': {
+            each.name: {**_entry(each, known), 'chain_cpu_ms': chain}
+            for each, chain in zip(taking_part, chains, strict=True)
+        },
         'floors_cpu_ms': {name: float(np.median(values)) for name, values in others.items()},
     }
 
@@ -157,13 +164,13 @@ def _entry(profile: Profile, presses: np.ndarray) -> dict[str, Any]:
     touched = presses[:, 2] > 0
     times = np.array(profile.times_ms)[touched]
     whole = times.sum(axis=1)
-    entry: dict[str, Any] = {
-        'cpu_ms': quartiles(whole),
-        'stages_cpu_ms': dict(zip(STAGES, np.median(times, axis=0).tolist(), strict=True)),
-    }
-    if profile.name == MEDIUM:
-        return entry
     bins = profile.loaded.model.bins
     truth = Dataset(np.zeros(0), presses, np.zeros(0), np.zeros(0), '').labels(bins)
     scores = Validation.of(truth, np.stack(profile.answers).astype(np.float32), bins)
-    return {**entry, 'armse_n': scores.armse_n, 'd_loc_mm': scores.d_loc_mm, 'rmse_mc_n': scores.rmse_mc_n}
+    return {
+        'cpu_ms': quartiles(whole),
+        'stages_cpu_ms': dict(zip(STAGES, np.median(times, axis=0).tolist(), strict=True)),
+        'armse_n': scores.armse_n,
+        'd_loc_mm': scores.d_loc_mm,
+        'rmse_mc_n': scores.rmse_mc_n,
+    }

@@ -43,13 +43,18 @@ def test_marks_are_the_kept_numbers_and_say_what_ships() -> None:
         ('field, no presses', False),
     ]
     assert {(mark.time_ms, mark.error, mark.slow_ms) for mark in marks} == {(3.0, 12.5, 9.0)}
-    profile = {'cpu_ms': {'median': 2.0}, 'armse_n': 0.0003}
-    (mark,) = tip_marks({'profiles': {'fast': profile, 'time alone': {'cpu_ms': {'median': 1.0}}}})
-    assert (mark.name, mark.time_ms, mark.error, mark.shipped) == ('fast', 2.0, pytest.approx(0.3), True)
+    profile = {'cpu_ms': {'median': 1.0}, 'chain_cpu_ms': {'median': 2.0}, 'armse_n': 0.0003}
+    few = {'way': 'ours, full size', 'readout': 'axisymmetric', 'cpu_ms': {'median': 4.0}, 'armse_n': 0.0005}
+    others = {'ours': few, 'DIS': {**few, 'way': 'DIS'}, 'response': {**few, 'readout': 'response'}}
+    marks = tip_marks({'plan': {'train': 300}, 'profiles': {'fast': profile}, 'contenders': others})
+    assert [(mark.name, mark.time_ms, mark.error, mark.shipped) for mark in marks] == [
+        ('fast', 2.0, pytest.approx(0.3), True),
+        ('portable, 300 presses', 4.0, pytest.approx(0.5), False),
+    ]
 
 
 def test_one_result_alone_is_one_panel(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
-    profiles = {name: {'cpu_ms': {'median': 2.0}, 'armse_n': 0.0003} for name in ('fast', 'paper')}
+    profiles = {name: {'chain_cpu_ms': {'median': 2.0}, 'armse_n': 0.0003} for name in ('fast', 'paper')}
     draw_tips({'contenders': {}, 'profiles': profiles}, tmp_path, 'front')
     assert (tmp_path / CHART).read_bytes().startswith(b'\x89PNG')
