@@ -19,6 +19,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.cnc.contract import (
     BLIND_STEP_MM,
     NO_HOMING,
+    OTHER_FIRMWARE,
     CncState,
     CncStatus,
     Identity,
@@ -28,7 +29,7 @@ from tactile_nodes.drivers.cnc.contract import (
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc.envelope import AXES, describe_place, guard, way_between
 from tactile_nodes.drivers.cnc.guarded import ARRIVED_MM, UNKNOWN_ACCELERATION
-from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, IDENTITY, PLACE, STOP_S, MarlinDialogue
+from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, IDENTITY, PLACE, STOP, STOP_S, MarlinDialogue
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
 from tactile_nodes.drivers.cnc.serial_line import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
@@ -135,12 +136,22 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             ) from error
         dialogue.connected = True
         self._identity = marlin_identity(dialogue.ask(IDENTITY, self._settings.answer_s).lines)
+        self._require_marlin()
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
         self._axes = self._query_settings(dialogue)
         self.deceleration_mm_s2 = self._axes.acceleration or UNKNOWN_ACCELERATION
         self._speeds = self._axes.speeds or self._speeds
         dialogue.polling = True
+
+    def _require_marlin(self) -> None:
+        """Refuse other firmware. Klipper says `ok` to a stop that it does not know, and to moves that it refuses."""
+        firmware = f'{self._identity.firmware} {self._identity.version}'
+        if 'marlin' not in firmware.lower() and OTHER_FIRMWARE not in self._settings.accept:
+            raise DeviceFaultError(
+                f'{self._name} runs {firmware.strip()}, not Marlin: it may ignore the stop command {STOP}; use a '
+                f"machine with Marlin or Grbl, or, if this one stops, add '{OTHER_FIRMWARE}' to the setting accept"
+            )
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
         """As `Cnc.jog`.
@@ -319,8 +330,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
 def marlin_identity(lines: list[str]) -> Identity:
     """The answer to M115: firmware, and capabilities like ``EMERGENCY_PARSER:1``."""
     text = next((line for line in lines if line.startswith('FIRMWARE_NAME:')), '')
-    match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
-    name, version = match.groups() if match else ('Marlin', '')
+    match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(?:FIRMWARE_VERSION:)?(\S+)(?= \(| [A-Z_]+:|$)', text)
+    name, version = match.groups() if match else (text.partition(':')[2].strip() or 'Marlin', '')
     return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
 
 

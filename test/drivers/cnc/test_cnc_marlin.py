@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from typing import Any
 
 import pytest
 from cnc_rigs import START_NS, Rig, Script, Scripted, direct_rig, homed_rig, settings_of
@@ -39,10 +40,10 @@ CONNECT = [
 ]
 
 
-def scripted(script: Script, first: bytes = BOOT) -> tuple[MarlinCnc, Scripted]:
+def scripted(script: Script, first: bytes = BOOT, **options: Any) -> tuple[MarlinCnc, Scripted]:
     clock = JumpingClock(START_NS)
     port = Scripted(clock, script, first)
-    cnc = MarlinCnc(settings_of('marlin', report_hz=1.0), clock, lambda: port, threaded=False)
+    cnc = MarlinCnc(settings_of('marlin', report_hz=1.0, **options), clock, lambda: port, threaded=False)
     cnc.connect()
     return cnc, port
 
@@ -90,6 +91,15 @@ def test_a_damaged_line_that_was_not_done_is_reported(again: bytes, times: int, 
     cnc, _ = scripted([*CONNECT, *[(b'N7 M114 R*82\n', again)] * times])
     with pytest.raises(DeviceFaultError, match=text):
         cnc.status()
+
+
+def test_firmware_other_than_marlin_is_refused_unless_accepted() -> None:
+    """The answers of a real Klipper: to M410, which it does not know, it would say ok and go on moving."""
+    klipper = [CONNECT[0], (CONNECT[1][0], b'ok FIRMWARE_NAME:Klipper FIRMWARE_VERSION:v0.13.0\n'), *CONNECT[2:]]
+    with pytest.raises(DeviceFaultError, match=r'runs Klipper v0\.13\.0, not Marlin: it may ignore .* M410'):
+        scripted(klipper)
+    cnc, port = scripted(klipper, accept=('other firmware',))
+    assert (cnc.description['kind'], port.left) == ('CNC, Klipper v0.13.0', [])
 
 
 def test_an_ok_after_an_unknown_command_is_no_success() -> None:
@@ -268,6 +278,9 @@ def test_capabilities_and_places_are_read() -> None:
     identity = marlin_identity(['FIRMWARE_NAME:Marlin bugfix-2.1.x (Jan 1 2026) X', 'Cap:EEPROM:1', 'noise'])
     assert (identity.version, identity.options) == ('bugfix-2.1.x', ('EEPROM:1',))
     assert marlin_place('X:-1.50 Y:0.00 Z:60.00 E:0.00 Count X:0') == (-1.5, 0.0, 60.0)
+    prusa = marlin_identity(['FIRMWARE_NAME:Prusa-Firmware 3.14.1 based on Marlin FIRMWARE_URL:https://example.org'])
+    assert (prusa.firmware, prusa.version) == ('Prusa-Firmware 3.14.1 based on', 'Marlin')
+    assert marlin_identity(['FIRMWARE_NAME:Teacup']).firmware == 'Teacup'
     assert marlin_identity(['FIRMWARE_NAME:Virtual Marlin 1.0 PROTOCOL_VERSION:1.0']).version == '1.0'
     assert marlin_place('T:25.0 /0.0') is None
 
