@@ -203,7 +203,7 @@ MECHANISMS = (
         ('sensing/explain/measured/contact_shape.py', 'sensing/loops/shape.py'),
         all_of(
             instead(f'{EXPLAIN}.measured.readout:with_usual_width', lambda _, fit, __: fit),
-            instead(f'{EXPLAIN}.measured.readout:in_doubt', lambda _, fit, *__: np.zeros((len(fit.contacts), 3))),
+            instead(f'{EXPLAIN}.measured.readout:in_doubt', lambda fit, *__: np.zeros((len(fit.contacts), 3))),
         ),
         ('none', 'dragged 0.3', 'dragged 1', 'ball of 6 mm 1', 'flat punch of 3 mm 1', 'camera shifted 1'),
         ('fast',),

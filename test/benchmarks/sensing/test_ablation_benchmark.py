@@ -1,5 +1,7 @@
 """The ablation: every switch reaches what it names, and the page tells what gets worse."""
 
+from dataclasses import replace
+
 import pytest
 
 from benchmarks.ablation import figures
@@ -32,6 +34,13 @@ def test_without_registration_a_knock_is_read_as_force() -> None:
     found = figures.streams(mechanism, World(indenters=()), Progress(), plan)['fast, camera shifted 3']
     error = found['force error, mN']
     assert error['without'] > 10 * error['with']
+
+
+@pytest.mark.parametrize('name', ['width of a contact, and drag', 'weights by what is explained'])
+def test_what_stands_in_for_a_part_takes_what_that_part_takes(name: str) -> None:
+    mechanism = replace(BY_NAME[name], streams=('none',))
+    plan = Plan(presses=1, before=1, coming=4, hold=1, after=1)
+    assert figures.streams(mechanism, World(indenters=()), Progress(), plan)
 
 
 def test_a_switch_is_undone_when_it_is_left() -> None:
