@@ -117,6 +117,7 @@ setup(
         'Programming Language :: Python :: 3.11',
         'Programming Language :: Python :: 3.12',
         'Programming Language :: Python :: 3.13',
+        'Programming Language :: Python :: 3.14',
         'Programming Language :: Python :: Implementation :: CPython',
         'Topic :: Scientific/Engineering',
         'Topic :: Scientific/Engineering :: Image Processing',
@@ -160,7 +161,7 @@ setup(
         'dev': [
             'beartype>=0.20,<1',
             'cryptography>=44,<51',
-            f'{CYCLONE}; platform_machine == "x86_64"',  # there are no wheels for ARM
+            f'{CYCLONE}; platform_machine == "x86_64" and python_version < "3.14"',  # where there are wheels
             'distributed>=2025.1,<2027',
             'eclipse-zenoh>=1.10,<2',
             'hypothesis>=6.168,<7',

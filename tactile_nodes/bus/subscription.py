@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from tactile_nodes.clock import monotonic_s
@@ -77,27 +78,30 @@ class Subscription:
 
     def take(self) -> Received | None:
         """The oldest buffered message, or None."""
-        with self._lock:
-            return self._waiting.popleft() if self._waiting else None
+        try:
+            return self._waiting.popleft()
+        except IndexError:
+            return None
 
     def get(self, timeout_s: float | None = None) -> Received | None:
         """The oldest buffered message; waits for one, and returns None after `timeout_s` or when closed.
 
-        Ctrl-C may raise an exception between any two lines, and must not leave the lock held. ``with`` on a lock is
-        safe. A Condition is not: its ``__enter__`` is Python code, which can be interrupted after it took the lock.
+        Ctrl-C may raise an exception between any two steps, and must not leave a lock held that `put` needs. ``with``
+        does: since Python 3.14, an exception may come between taking the lock and the block. So this takes none.
         """
         end_s = None if timeout_s is None else monotonic_s() + timeout_s
-        woken = threading.Lock()
-        woken.acquire()
         while True:
-            with self._lock:
-                if woken in self._getting:
-                    self._getting.remove(woken)
-                left_s = FOR_EVER if end_s is None else max(0.0, end_s - monotonic_s())
-                if self._waiting or self._closed or not left_s:
-                    return self._waiting.popleft() if self._waiting else None
-                self._getting.append(woken)
-            woken.acquire(timeout=min(left_s, threading.TIMEOUT_MAX))
+            woken = threading.Lock()
+            woken.acquire()
+            self._getting.append(woken)  # before looking, so that a message that comes after wakes it
+            ended, left_s = self._closed, FOR_EVER if end_s is None else max(0.0, end_s - monotonic_s())
+            found = self.take()
+            if found is None and left_s and not ended:
+                woken.acquire(timeout=min(left_s, threading.TIMEOUT_MAX))
+            with suppress(ValueError):  # not there: it was woken
+                self._getting.remove(woken)
+            if found is not None or ended or not left_s:
+                return found
 
     def close(self) -> None:
         """Stop receiving; closing twice is harmless."""
@@ -110,5 +114,6 @@ class Subscription:
 
     def _wake(self) -> None:
         """Make all waiting threads look again."""
-        while self._getting:
-            self._getting.pop().release()
+        with suppress(IndexError):  # no more of them
+            while True:
+                self._getting.pop().release()
