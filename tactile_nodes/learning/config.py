@@ -158,7 +158,9 @@ class FieldConfig:
     contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
 
 
-READOUTS = 'network', 'response', 'axisymmetric', 'field'
+TIPS = 'axisymmetric', 'response'
+READOUTS = 'network', *TIPS, 'tips', 'field'
+"""`tips`: of `TIPS` the one that reads the validation presses better."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,8 @@ class TrainConfig(_Blocks):
 
     def resolved(self) -> dict[str, Any]:
         """The run in the form that `load_train_config` reads, with every default that its readout uses filled in."""
-        names = ['data', 'gel', 'network', 'training', *([self.readout] if self.readout != 'network' else [])]
+        readouts = TIPS if self.readout == 'tips' else [self.readout]
+        names = dict.fromkeys(['data', 'gel', 'network', 'training', *readouts])
         blocks = {name: asdict(getattr(self, name)) for name in names}
         if isinstance(blocks['data']['crop'], list):  # width and height, which only a file of recorded presses gives
             del blocks['data']['crop']

@@ -263,8 +263,8 @@ def test_what_the_documents_learn_from_presses_is_learned(tmp_path: Path, enviro
 
 
 def many_presses() -> RecordedPresses:
-    """Of 140 samples one in seven is the untouched gel; of a gel that moves in proportion to the force."""
-    made = recorded(pressed(140, 2, 1.0, 0.0), 'mine')
+    """Of 200 samples one in seven is the untouched gel; of a gel that moves in proportion to the force."""
+    made = recorded(pressed(200, 2, 1.0, 0.0), 'mine')
     methods = {'flow': make_flow('dis', {}), 'encoding': make_encoding('cartesian_mean', {'rows': 6, 'cols': 6})}
     described = {what: {'name': each.name, 'options': each.options} for what, each in methods.items()}
     return dataclasses.replace(made, card={**made.card, **described})

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--profile', metavar='RUN',
-        help='use the settings of this training run: its YAML file, or the name of one in config/train (default: fast)',
+        help='use the settings of this training run: YAML file, or the name of one in config/train (default: portable)',
     )  # fmt: skip
     parser.add_argument('--sensor', metavar='YAML', help='sensor description: crop, bins and picture size')
     parser.add_argument(
@@ -70,7 +70,7 @@ def _of_run(arguments: argparse.Namespace) -> BuildOptions:
     from tactile_nodes.learning.config import load_train_config
     from tactile_nodes.learning.recorded.building import BuildOptions, gel_entry
 
-    run = load_train_config(arguments.profile or 'fast')
+    run = load_train_config(arguments.profile or 'portable')
     options = BuildOptions(
         run.flow, run.encoding, run.bins, arguments.frames, gel=gel_entry(arguments.gel), crop=run.data.crop
     )

@@ -13,7 +13,7 @@ import numpy as np
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import TooFewPressesError
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
-from tactile_nodes.learning.config import TipsConfig, TrainConfig
+from tactile_nodes.learning.config import TIPS, TipsConfig, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import pressed_gel
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
@@ -76,6 +76,7 @@ def train(
     with run:
         with calibration_named(config):
             readout, report = fit(data, progress, run)
+        data = replace(data, config=replace(data.config, readout=readout.kind))
         warning = require_learned(readout, data, forced=forced)
         model = ForceModel(
             layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
@@ -145,6 +146,8 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     config, dataset = data.config, data.dataset
     if config.readout == 'network':
         return fit_network(dataset, data.held_out, config, progress, run)
+    if config.readout == 'tips':
+        return _fit_tips(data, progress, run)
     begun = clock.perf_ns()
     if config.readout == 'field':
         field_readout, fitted = train_field(dataset, config.field, config.bins, progress)
@@ -162,6 +165,16 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
         readout = fit_response(dataset, data.held_out, settings, config.bins, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
+
+
+def _fit_tips(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, dict[str, Any]]:
+    """The best of `TIPS`, by the aRMSE (N) on the validation presses."""
+    made = [fit(replace(data, config=replace(data.config, readout=name)), progress, run) for name in TIPS]
+    errors = [validation_of(readout, data).armse_n for readout, _ in made]
+    readout, report = made[int(np.argmin(errors))]
+    told = ', '.join(f'{name} {error:.4f} N' for name, error in zip(TIPS, errors, strict=True))
+    progress.say(f'aRMSE on the validation presses: {told}; {readout.kind} is taken')
+    return readout, {**report, 'validation_armse_n': dict(zip(TIPS, errors, strict=True))}
 
 
 def with_prior(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
