@@ -126,9 +126,12 @@ class GelList:
 
     def _exists(self) -> bool:
         try:
-            return self.file.exists()
+            self.file.stat()
+        except FileNotFoundError:
+            return False
         except OSError as error:  # a folder of its path may not be entered
             raise self._unusable(error) from error
+        return True
 
     def _unusable(self, error: Exception) -> ConfigurationError:
         return ConfigurationError(

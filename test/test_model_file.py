@@ -123,7 +123,7 @@ def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Call
     before = ForceEstimator(make()).predict(features)
     after = ForceEstimator(load_model(file).model).predict(features)
     np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
-    assert after.contacts == before.contacts
+    assert repr(after.contacts) == repr(before.contacts)  # some numbers are NaN
     assert (after.total_sigma_n, after.unlikeness) == (before.total_sigma_n, before.unlikeness)
 
 

@@ -155,7 +155,7 @@ def test_a_process_that_ignores_sigterm_too_is_killed_after_the_sum_of_the_timeo
 def test_a_second_ctrl_c_is_ignored(launch, program):
     path = program(
         STUBBORN.format(
-            sigint="lambda *_: print('tidying', flush=True) or time.sleep(0.2) or sys.exit(0)", sigterm='SIG_DFL'
+            sigint="lambda *_: print('tidying', flush=True) or time.sleep(0.6) or sys.exit(0)", sigterm='SIG_DFL'
         )
     )
     status, shown, _ = launch(
@@ -337,8 +337,8 @@ def test_signals_reach_the_whole_group(launch, program):
         import signal, subprocess, sys
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         child = subprocess.Popen([sys.executable, '-S', '-c',
-            "import signal, sys; signal.signal(signal.SIGINT, lambda *_: sys.exit('child got it'));"
-            "print('ready', flush=True); signal.pause()"])
+            "import signal, sys, time; signal.signal(signal.SIGINT, lambda *_: sys.exit('child got it'));"
+            "print('ready', flush=True); [time.sleep(0.01) for _ in range(6000)]"])
         child.wait()
         """)
     _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n', {'] ready': stop})

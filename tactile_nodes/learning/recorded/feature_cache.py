@@ -34,10 +34,17 @@ class FeatureCache:
         with self._translated():
             # Other threads than the one that opened it may use it, one at a time.
             self._open = sqlite3.connect(file, timeout=30.0, check_same_thread=False)
-            with contextlib.suppress(sqlite3.OperationalError):  # where another does the same: it does not wait
-                self._open.execute('PRAGMA journal_mode=WAL')
-            self._open.execute('PRAGMA synchronous=NORMAL')
-            self._open.execute('CREATE TABLE IF NOT EXISTS features (key BLOB PRIMARY KEY, vals BLOB, confidence BLOB)')
+            try:
+                self._prepare()
+            except sqlite3.Error:
+                self._open.close()
+                raise
+
+    def _prepare(self) -> None:
+        with contextlib.suppress(sqlite3.OperationalError):  # where another does the same: it does not wait
+            self._open.execute('PRAGMA journal_mode=WAL')
+        self._open.execute('PRAGMA synchronous=NORMAL')
+        self._open.execute('CREATE TABLE IF NOT EXISTS features (key BLOB PRIMARY KEY, vals BLOB, confidence BLOB)')
 
     def get(self, key: bytes, shape: tuple[int, int, int]) -> Measured | None:
         """The entry of a key; None if there is none, or if it has another shape."""
