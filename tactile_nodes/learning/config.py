@@ -160,7 +160,7 @@ class FieldConfig:
 
 TIPS = 'axisymmetric', 'response'
 READOUTS = 'network', *TIPS, 'tips', 'field'
-"""`tips`: of `TIPS` the one that reads the validation presses better."""
+"""`tips`: the first of `TIPS`, unless the other reads the validation presses clearly better."""
 
 
 @dataclass(frozen=True)

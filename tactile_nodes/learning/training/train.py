@@ -41,6 +41,8 @@ CALIBRATE = (
     'calibrate a model of another gel, which takes ten to a hundred presses with the features of that model: tactile '
     'dataset … --model portable -o presses.npz, then tactile calibrate --dataset presses.npz --model portable -o FILE'
 )
+CLEARLY = 1.25
+"""Factor on the product of the errors of force and place by which the less simple readout must be better."""
 NETWORK_THRESHOLD_N = 0.05
 """Above the force that a network trained as published reads without contact."""
 
@@ -168,13 +170,19 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
 
 
 def _fit_tips(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, dict[str, Any]]:
-    """The best of `TIPS`, by the aRMSE (N) on the validation presses."""
-    made = [fit(replace(data, config=replace(data.config, readout=name)), progress, run) for name in TIPS]
-    errors = [validation_of(readout, data).armse_n for readout, _ in made]
-    readout, report = made[int(np.argmin(errors))]
-    told = ', '.join(f'{name} {error:.4f} N' for name, error in zip(TIPS, errors, strict=True))
-    progress.say(f'aRMSE on the validation presses: {told}; {readout.kind} is taken')
-    return readout, {**report, 'validation_armse_n': dict(zip(TIPS, errors, strict=True))}
+    """An axisymmetric readout, or a response if that reads the validation presses clearly better."""
+    made = {name: fit(replace(data, config=replace(data.config, readout=name)), progress, run) for name in TIPS}
+    judges = np.flatnonzero(data.held_out & (data.dataset.presses[:, 2] > 0))
+    errors = {name: Errors.of(live_errors(readout, data.dataset, judges)) for name, (readout, _) in made.items()}
+    simple, other = (errors[name].force_rmse_n * errors[name].place_median_mm for name in TIPS)
+    chosen = TIPS[simple > CLEARLY * other]
+    told = '; '.join(
+        f'{name}: force RMSE {each.force_rmse_n:.4f} N, place {each.place_median_mm:.3f} mm'
+        for name, each in errors.items()
+    )
+    progress.say(f'on the validation presses: {told}; {chosen} is taken')
+    readout, report = made[chosen]
+    return readout, {**report, 'tips': {name: each.as_dict() for name, each in errors.items()}}
 
 
 def with_prior(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
