@@ -57,6 +57,8 @@ class Forward:
         if wanted and self._subscription is None:
             qos = default_qos(self.outlet.topic)
             self._subscription = self._bus.follow(self.outlet, qos, FORWARDING, lambda: self._post(self._send))
+            for _ in range(self._subscription.waiting):  # came before `_send`, in another thread, had the subscription
+                self._post(self._send)
         elif not wanted and self._subscription is not None:
             self._subscription.close()
             self._subscription = None

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from ipaddress import ip_interface
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -24,10 +25,12 @@ from programs import Program
 
 from tactile_nodes.bus.bridge.bridge import Bridge
 from tactile_nodes.bus.bridge.finding import near
+from tactile_nodes.bus.bridge.forwarding import Forward
 from tactile_nodes.bus.bridge.keys import create_keys
 from tactile_nodes.bus.bridge.link import LONGEST_BYTES, PLAIN_TCP, Address, open_session
 from tactile_nodes.bus.bridge.talk import VERSION, Choice, key_of
-from tactile_nodes.bus.protocol import Endpoint, Participant, Qos
+from tactile_nodes.bus.protocol import Endpoint, Participant, Qos, Received
+from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.zeromq.discovery import Meeting
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.bus.zeromq.records import Outlet, Record
@@ -519,6 +522,22 @@ def test_closed_bridge_receives_nothing_more_of_what_it_forwarded(join: Callable
     until(lambda: bus.own_participant().subscriptions, 'the bridge to receive it')
     bridge.close()
     assert bus.own_participant().subscriptions == ()
+
+
+def test_picture_that_comes_while_a_bridge_subscribes_to_it_is_sent() -> None:
+    """A latched one would else reach nobody over there until the next; pictures are sent in a thread of their own."""
+    outlet, sent = Outlet('a.1', '/reference_image', IMAGE, 'ipc://none', latched=True), list[bytes]()
+
+    def follow(outlet: Outlet, qos: Qos, node: str, on_ready: Callable[[], None]) -> Subscription:
+        subscription = Subscription(outlet.topic, outlet.type_name, qos, node, on_ready, lambda _: None)
+        subscription.put(Received(IMAGE, outlet.gid, 1, 0, 0, data=b'a picture'))
+        return subscription
+
+    publisher = SimpleNamespace(put=lambda data, attachment: sent.append(data))
+    session: Any = SimpleNamespace(declare_publisher=lambda *_, **__: publisher, declare_queryable=lambda *_: None)
+    bus: Any = SimpleNamespace(uid='a', follow=follow)
+    Forward(session, bus, outlet, lambda action: action(), patient=True).look()
+    assert sent == [b'a picture']
 
 
 def test_addresses_that_a_stranger_tells_are_taken_only_where_they_are_in_a_network_of_ours() -> None:
