@@ -30,6 +30,7 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, ConfigurationError, TactileError
 from tactile_nodes.messages import encode, stamp_ns, time_from_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.sensors import load_hand
 
 MEET_S = 0.3  # time in which a running subscriber connects, if it is not busy
 _MEET_AT_MOST_S, _LISTENS_AT_MOST_S = 2.1, 30.0
@@ -65,6 +66,7 @@ class PlayerParams(NodeParams):
         '', "topic computed from the images, or '*/' and its name: the player ends when it has come for the last image"
     )
     most_hz: float = parameter(0.0, 'that of flow_features: the last images may have no answer')
+    hand: str = parameter('', 'hand whose images are played: its fps is most_hz')
 
 
 class PlayerNode(Node):
@@ -225,7 +227,8 @@ class PlayerNode(Node):
 
     def _unanswered(self) -> list[str]:
         """The topics that have not come yet for the last image of their sensor."""
-        apart_ns = NS_PER_S / self.params.most_hz if self.params.most_hz else 0
+        most_hz = load_hand(self.params.hand).fps if self.params.hand else self.params.most_hz
+        apart_ns = NS_PER_S / most_hz if most_hz else 0
         return [
             each.topic
             for each, answered_ns in self._answers.items()

@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from feeding import START_NS, came, located, taken
@@ -142,16 +143,25 @@ def test_a_player_waits_until_what_follows_from_the_bag_has_come(bus: InProcessB
 
 
 @pytest.mark.parametrize(
-    ('answered', 'most_hz', 'said'),
+    ('answered', 'skipping', 'said'),
     [
-        (COUNT, 0.0, ''),
-        (1, 0.0, '/left/force_distribution: nothing came for the last images within 30 s'),
-        (1, 1.0, ''),  # those of the same second are skipped
+        (COUNT, {}, ''),
+        (1, {}, '/left/force_distribution: nothing came for the last images within 30 s'),
+        (1, {'most_hz': 1.0}, ''),  # those of the same second are skipped
+        (1, {'hand': 'hand.yaml'}, ''),  # so they are here
     ],
 )
 def test_a_player_waits_for_the_force_of_the_last_picture(
-    bus: InProcessBus, tmp_path: Path, capsys: pytest.CaptureFixture[str], answered: int, most_hz: float, said: str
+    bus: InProcessBus,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    answered: int,
+    skipping: dict[str, Any],
+    said: str,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('hand.yaml').write_text('{fps: 1.0, sensors: [{name: left}]}', encoding='utf-8')
     stamps_ns = [START_NS + number * 100_000_000 for number in range(COUNT)]
     writer = BagWriter(tmp_path / 'images')
     writer.add_topic(BagTopic.of_type('/left/image_raw', topics.IMAGE.type_name))
@@ -161,7 +171,7 @@ def test_a_player_waits_for_the_force_of_the_last_picture(
     writer.close()
     values = {'bag': str(tmp_path / 'images'), 'topics': ['*/image_raw'], 'answer': '*/force_distribution'}
     clock = Answers(bus, '/left/force_distribution', stamps_ns[: answered : COUNT - 1], 10.0)
-    node = PlayerNode(bus, located(**values, most_hz=most_hz), clock)
+    node = PlayerNode(bus, located(**values, **skipping), clock)
     node.spin()
     node.close()
     assert clock.left == []
