@@ -30,7 +30,7 @@ def is_large(outlet: Outlet) -> bool:
 class Forward:
     """A publisher of this machine: its messages are received here for as long as another machine wants them.
 
-    Those of a latched one always are, and the last is given to whoever asks. `look` and `close` are called in the
+    Those of a latched one always are, and the last is sent again to whoever asks. `look` and `close` are called in the
     bridge's thread, and messages are sent in that of `post`: what is `patient` waits there until the connection takes
     it, while newer ones take the place of those that wait behind it; else what does not fit in is dropped.
     """
@@ -49,7 +49,7 @@ class Forward:
             priority=Priority.DATA_LOW if patient else Priority.DATA_HIGH,
             congestion_control=CongestionControl.BLOCK if patient or outlet.latched else CongestionControl.DROP,
         )
-        self._queryable = session.declare_queryable(key, self._tell_last) if outlet.latched else None
+        self._queryable = session.declare_queryable(key, lambda _: post(self._send_again)) if outlet.latched else None
 
     def look(self) -> None:
         """Begin to receive what somebody there wants now, and end with what nobody does."""
@@ -77,12 +77,16 @@ class Forward:
         received = subscription.take() if subscription is not None else None
         if received is not None:
             self._last = received if self.outlet.latched else None
-            self._publisher.put(received.data, attachment=_header(received))
+            self._put(received)
 
-    def _tell_last(self, query: zenoh.Query) -> None:
-        last = self._last
-        if last is not None:
-            query.reply(query.key_expr, last.data, attachment=_header(last))
+    def _send_again(self) -> None:
+        if self._last is not None and self._subscription is not None:
+            self._put(self._last)
+
+    def _put(self, received: Received) -> None:
+        key = wire.type_key(received.type_name)
+        header = wire.pack_header(received.publisher.encode(), key, received.sequence, received.source_ns)
+        self._publisher.put(received.data, attachment=header)
 
 
 class Repeat:
@@ -100,7 +104,7 @@ class Repeat:
         key = key_of(uid, 'data', outlet.gid)
         self._subscriber = session.declare_subscriber(key, self._take_in)
         if outlet.latched:
-            session.get(key, lambda reply: self._take_in(reply.ok) if reply.ok is not None else None)
+            session.get(key, lambda _: None)  # it is sent again, at the priority of its topic
 
     def close(self) -> None:
         self._subscriber.undeclare()
@@ -114,8 +118,3 @@ class Repeat:
             self._relay.repeat(header.sequence, header.source_ns, sample.payload.to_bytes())
         except MALFORMED:
             self._count_malformed()
-
-
-def _header(received: Received) -> bytes:
-    key = wire.type_key(received.type_name)
-    return wire.pack_header(received.publisher.encode(), key, received.sequence, received.source_ns)
