@@ -75,14 +75,15 @@ class LiveViewNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         chosen: LiveViewParams = self.params
-        sensors = load_hand(chosen.hand).names if chosen.hand else ('',)
+        hand = load_hand(chosen.hand) if chosen.hand else None
+        sensors, left_out = (hand.names, hand.refused) if hand else (('',), ())
         self._sensors = {name: self._feed(name) for name in sensors}
         self._sums = Feeds(bus, self.full_name, self.names.resolve)
-        if chosen.hand:
+        if hand:
             self._sums.add(topics.HAND_WRENCH, self._on_hand, keep=1)
         self.server = PageServer(
             port.listen(chosen.address, chosen.port), self._act, lambda: self.post(self._look), self.log.warn,
-            Guests(chosen.guests), chosen.host_names, chosen.viewers, sensors,
+            Guests(chosen.guests), chosen.host_names, chosen.viewers, sensors, left_out,
         )  # fmt: skip
         self._announce()
         self.create_timer(1.0 / chosen.rate_hz, lambda: self._show(watched=True))
@@ -169,7 +170,7 @@ class LiveViewNode(Node):
         each.scene.view.malformed = each.forces.malformed + each.pictures.malformed
         now_ns = self.bus.clock.now_ns()
         if each.watched and self.server.has_room_for(each.name) and each.scene.is_due(now_ns):
-            self.server.show(each.scene.packet(now_ns, self.server.watching_of(each.name)), each.name)
+            self.server.show(each.scene.packet(now_ns), each.name)
         elif samples := each.scene.samples():
             self.server.remember(samples, each.name)
 

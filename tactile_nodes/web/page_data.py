@@ -77,7 +77,6 @@ def slowly(shot: Snapshot) -> dict[str, Any]:
         'namespace': shot.namespace,
         'rates': {
             'arriving_hz': shot.arrivals_hz,
-            'frames': shot.frames,
             'lost': shot.lost,
             'skipped': shot.skipped,
             'malformed': shot.malformed,

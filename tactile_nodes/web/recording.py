@@ -41,10 +41,8 @@ class Recording:
         return {
             'on': on and not lost_touch,
             'seconds': float(values.get('seconds', 0.0)),
-            'messages': int(values.get('messages', 0)),
             'lost': int(values.get('lost', 0)),
             'bag': values.get('bag', ''),
-            'lost_of': values.get('lost_of', ''),
             'well': _is_ok(self._status.level) and not lost_touch,
             'text': _of_silent(silent_s, values.get('bag', '')) if lost_touch else self._status.message,
         }

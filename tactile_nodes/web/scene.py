@@ -114,7 +114,7 @@ class Scene:
         self._samples.clear()
         return found
 
-    def packet(self, now_ns: int, viewers: int) -> Packet:
+    def packet(self, now_ns: int) -> Packet:
         self._new = False
         shot = self._shown(now_ns)
         at_ns = self._instant_ns(shot)
@@ -126,7 +126,7 @@ class Scene:
             'truth': page_data.truth(shot.truth),
             'image': {'stamp_s': at_ns / NS_PER_S} if at_ns else None,
             'motion': page_data.motion(self._motions.get(at_ns)),
-            'slow': self._slowly(now_ns) | {'viewers': viewers},
+            'slow': self._slowly(now_ns),
             'hand': page_data.hand(self.hand),
         }
         sections = {

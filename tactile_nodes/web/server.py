@@ -2,7 +2,7 @@
 
 ``/`` and ``/static/…`` are the page. ``/live`` is the WebSocket through which it watches a sensor. Its buttons post to
 ``/control/<action>``. If there are several sensors, ``/`` shows all of them, ``?sensor=NAME`` selects one, and
-``/sensors`` lists their names. See `door` and `guard` for access, `packet` for the format, `viewers` for slow clients.
+``/sensors`` lists them. See `door` and `guard` for access, `packet` for the format, `viewers` for slow clients.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ Changed = Callable[[], None]
 class PageServer:
     """Serves on `listening`, and closes it at the end; `names` are accepted host names besides addresses.
 
-    Each of the `sensors` has its own audience of at most `viewers`; a single sensor needs no name.
+    Each of the `sensors` has its own audience of at most `viewers`; a single sensor needs no name. `left_out` are
+    sentences on sensors that are not shown.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class PageServer:
         names: Collection[str] = (),
         viewers: int = 16,
         sensors: Sequence[str] = ('',),
+        left_out: Sequence[str] = (),
     ) -> None:
         self.door = Door(guests=guests is not Guests.NONE)
         self.complaints = Complaints(complain, monotonic_s)
@@ -73,6 +75,7 @@ class PageServer:
         self._changed = changed
         self._guests_act = guests is Guests.ACT
         self._audiences = {sensor: Audience(viewers) for sensor in sensors}
+        self._left_out = left_out
         self._news: dict[Viewer, asyncio.Event] = {}
         self._serving.start()
 
@@ -138,11 +141,11 @@ class PageServer:
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         self._sensor_of(request)
-        shows_all = len(self._audiences) > 1 and 'sensor' not in request.query
+        shows_all = (len(self._audiences) > 1 or self._left_out) and 'sensor' not in request.query
         return web.FileResponse(STATIC / ('hand.html' if shows_all else 'index.html'))
 
     async def _sensors(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response(list(self._audiences))
+        return web.json_response({'names': list(self._audiences), 'left_out': list(self._left_out)})
 
     # --- watching -----------------------------------------------------------------------------------------------
 

@@ -30,9 +30,7 @@ FORCE = types.ForceDistribution
 def force_map(confidence: float = 1.0, unlikeness: float = 0.3, sigma_n: float = 0.002) -> ForceMap:
     """0.5 N by a model that is 2 mN off as a rule, 2 mN sure."""
     none = np.zeros((9, 9), np.float32)
-    return ForceMap(
-        none, 0.5, 0.5, (0.0, 0.0), confidence, total_sigma_n=sigma_n, unlikeness=unlikeness, nominal_n=0.002
-    )
+    return ForceMap(none, 0.5, (0.0, 0.0), confidence, total_sigma_n=sigma_n, unlikeness=unlikeness, nominal_n=0.002)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ sensors:
   - {name: left, frame: {rpy_deg: [90.0, 0.0, 0.0]}}
   - {name: right, frame: {rpy_deg: [-90.0, 0.0, 0.0]}}
   - {name: thumb, source: /dev/video99}
+  - {name: thumb}
 """
 SIGMA_N = 0.01
 
@@ -93,6 +94,7 @@ def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any
     expect(tiles.nth(2)).to_contain_text('WAITING')
     expect(tiles.locator('.host')).to_have_text([f'on {gethostname()}', f'on {gethostname()}', ''])
     expect(page.locator('#missing')).to_have_text('missing: thumb')
+    expect(page.locator('#left-out')).to_contain_text("7: there are two sensors with the name 'thumb'; rename")
     # Into the left gel is the hand's +y, into the right its -y: 0.5 N are left. Two variances of 0.01 N: 0.014 N.
     expect(page.locator('#force')).to_have_text('x +0.700 ± 0.014   y −0.500 ± 0.014   z +0.000 ± 0.014')
     # 0.6 N of 0.5 x 1.5 N are used.

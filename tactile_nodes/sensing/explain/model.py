@@ -5,7 +5,6 @@ This is the computation only. Files are in `tactile_nodes.model_file`, training 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
@@ -73,7 +72,6 @@ class ForceMap:
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
     total_n: float
-    peak_n: float
     contact_mm: tuple[float, float]
     confidence: float
     contacts: tuple[Contact, ...] = ()
@@ -126,7 +124,7 @@ class ForceEstimator:
         if known is None or not np.array_equal(known[0].confidence, features.confidence):
             found, nominal_n = self.predict(features), self.model.readout.nominal_n(0.0)
             none = np.zeros_like(found.normal_force_n)
-            resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0, nominal_n=nominal_n)
+            resting = replace(found, normal_force_n=none, total_n=0.0, nominal_n=nominal_n)
             if isinstance(readout := self.model.readout, NetworkReadout):
                 resting = replace(resting, total_sigma_n=readout.spread.sigma_n(0.0), unlikeness=0.0)
             self._at_rest = known = features, replace(resting, acting=self._still(resting))
@@ -147,12 +145,10 @@ def _by_loops(part: Any) -> Any:
 
 def _force_map(reading: Reading, confidence: float, readout: AnyReadout | None = None) -> ForceMap:
     strongest = reading.contacts[0]
-    forces_n: list[float] = reading.normal_force_n.reshape(-1).tolist()  # for so few numbers lists are faster
-    total_n = sum(forces_n)
+    total_n: float = sum(reading.normal_force_n.reshape(-1).tolist())  # for so few numbers lists are faster
     return ForceMap(
         normal_force_n=reading.normal_force_n,
         total_n=total_n,
-        peak_n=max(forces_n) if math.isfinite(total_n) else total_n,
         contact_mm=(strongest.x_mm, strongest.y_mm),
         confidence=confidence,
         contacts=reading.contacts,

@@ -51,13 +51,12 @@ class PictureChange:
     (clockwise as seen), `growth` (0.001: a thousandth larger). `size_px` is its root mean square over the patches,
     `middle_px` the length of the median motion. `left_px` is the largest residual motion of 19 of 20 patches, after
     the common motion and the bends of a tilted camera. `found` is the share of the patches found again, `alike` how
-    much of its pattern the median patch still shows. `contrast` and `brightness` are ratios of now to then. Numbers
-    that a completely different picture cannot give are NaN.
+    much of its pattern the median patch still shows. `contrast` is the ratio of now to then. Numbers that a completely
+    different picture cannot give are NaN.
     """
 
     found: float
     contrast: float
-    brightness: float
     shift_px: tuple[float, float] = (math.nan, math.nan)
     turn_deg: float = math.nan
     growth: float = math.nan
@@ -105,7 +104,7 @@ class PictureComparison:
         self._known = itself >= FOUND
         if self._known.mean() < LEAST_FOUND:
             raise ImageError(f'only {self._known.mean():.0%} of the rest image shows a pattern; check light and focus')
-        self._contrast, self._brightness = _contrast(earlier), max(float(earlier.mean()), 1.0)
+        self._contrast = _contrast(earlier)
         self._places = _places(earlier.shape)[self._known]
         self._fit = MotionFit(earlier.shape, PATCHES, PATCHES)
 
@@ -124,11 +123,10 @@ class PictureComparison:
         assert field.confidence is not None
         found = (field.confidence >= FOUND)[self._known]
         contrast = float(np.median((_contrast(picture) / np.maximum(self._contrast, 0.1))[self._known]))
-        brightness = float(picture.mean()) / self._brightness
         if found.mean() < LEAST_FOUND:
-            return PictureChange(float(found.mean()), contrast, brightness)
+            return PictureChange(float(found.mean()), contrast)
         left_px = self._left_px(field.displacement_px, field.confidence)
-        change = _change(field.displacement_px[self._known], self._places, found, contrast, brightness)
+        change = _change(field.displacement_px[self._known], self._places, found, contrast)
         alike = float(np.median(field.confidence[self._known]))
         return replace(change, left_px=left_px, alike=alike)
 
@@ -147,7 +145,6 @@ def _change(
     places: Float[np.ndarray, 'n 2'],
     found: Bool[np.ndarray, ' n'],
     contrast: float,
-    brightness: float,
 ) -> PictureChange:
     moved, at = motion[found].astype(float), places[found]
     middle = np.median(moved, axis=0)
@@ -156,7 +153,6 @@ def _change(
     return PictureChange(
         found=float(found.mean()),
         contrast=contrast,
-        brightness=brightness,
         shift_px=(float(common[0]), float(common[1])),
         turn_deg=math.degrees(common[3]),
         growth=float(common[2]),

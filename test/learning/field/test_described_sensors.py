@@ -125,7 +125,7 @@ def test_a_gel_of_half_or_twice_the_modulus_lies_within_the_interval_where_nobod
     assert isinstance(readout, FieldReadout)
     interval_n = 1.645 * readout.spread.normal_n(0.0, 1.0)
     assert interval_n == pytest.approx(0.99, abs=0.02)
-    found = ForceMap(np.zeros((4, 6), np.float32), 1.0, 1.0, (0.0, 0.0), 1.0, total_sigma_n=interval_n / 1.645,
+    found = ForceMap(np.zeros((4, 6), np.float32), 1.0, (0.0, 0.0), 1.0, total_sigma_n=interval_n / 1.645,
         unlikeness=0.5, nominal_n=readout.nominal_n(1.0))  # fmt: skip
     verdict = judged(found, estimating.now.reasons)
     assert (verdict.status, verdict.reasons) == (FORCE.STATUS_DEGRADED, FORCE.REASON_UNCALIBRATED)

@@ -22,7 +22,7 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
 S = 1_000_000_000
-NOTHING = PictureChange(1.0, 1.0, 1.0, (0.0, 0.0), 0.0, 0.0, 0.001, 0.001, 0.006)
+NOTHING = PictureChange(1.0, 1.0, (0.0, 0.0), 0.0, 0.0, 0.001, 0.001, 0.006)
 GEL = Gel()
 RATE_HZ = 30
 PRESSED = (Press(4.0, -3.0, 1.5),)

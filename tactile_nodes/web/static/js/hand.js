@@ -103,7 +103,8 @@ function firstToSlip({ sensor, margin, sigma }) {
   return `${sensor}, margin ${margin.toFixed(2)}${sigma === null ? '' : ` ± ${sigma.toFixed(2)}`}`;
 }
 
-const names = await (await fetch('/sensors')).json();
+const { names, left_out: leftOut } = await (await fetch('/sensors')).json();
+$('left-out').textContent = leftOut.map((each) => `left out: ${each}`).join('\n');
 const tiles = names.map((name) => new Tile(name));
 setInterval(() => {
   tiles.forEach((tile) => tile.watch());
