@@ -99,6 +99,8 @@ def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any
     expect(page.locator('#force')).to_have_text('x +0.700 ± 0.014   y −0.500 ± 0.014   z +0.000 ± 0.014')
     # 0.6 N of 0.5 x 1.5 N are used.
     expect(page.locator('#slips')).to_contain_text('right, margin 0.20')
+    page.set_viewport_size({'width': 390, 'height': 720})  # a phone
+    page.wait_for_function('document.documentElement.scrollWidth === 390')
     tiles.nth(1).click()
     expect(page.locator('#namespace')).to_have_text('/right')
     expect(page.locator('#host')).to_have_text(f'on {gethostname()}')

@@ -202,7 +202,8 @@ class Watch:
             for name in sums if len(sums) == 1 else ():
                 self._add(topics.HAND_WRENCH, name, self._state.add_wrench)
         elif there:
-            self._state.advice = f'sensors are at {", ".join(there)}: tactile view --namespace {(inside or there)[0]}'
+            names, first = ', '.join(each or '/' for each in there), (inside or there)[0] or '/'
+            self._state.advice = f'sensors are at {names}: tactile view --namespace {first}'
 
     def _add(self, topic: Topic, name: str, take: Take) -> None:
         if name not in self._added:
