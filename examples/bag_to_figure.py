@@ -227,9 +227,9 @@ def headline(forces: Forces, at: int) -> str:
 
 
 def draw_contacts(axes: Any, forces: Forces) -> None:
-    """Where the contacts were, and how strong."""
+    """Where the contacts were, and how strong: the strongest on top."""
     left, right, bottom, top = forces.extent_mm
-    _, x_mm, y_mm, force_n = forces.contacts.T
+    _, x_mm, y_mm, force_n = forces.contacts[np.argsort(forces.contacts[:, 3])].T
     dots = axes.scatter(x_mm, y_mm, c=force_n, s=8, cmap='viridis', vmin=0.0)
     axes.figure.colorbar(dots, ax=axes, label='N of the contact')
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect='equal', xlabel='x [mm]', ylabel='y [mm]')

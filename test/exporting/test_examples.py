@@ -58,6 +58,15 @@ def test_the_map_is_drawn_of_the_largest_force_that_is_not_invalid_or_of_the_ins
     np.testing.assert_array_equal(maps[1], forces.map_n[2])
 
 
+def test_the_strongest_contacts_are_drawn_last(bag: Path) -> None:
+    """Else the end of a press, where its force is low, hides how hard it was."""
+    script = example('bag_to_figure')
+    forces, truth = script.read(bag)
+    forces.contacts[:, 3] = [0.2, 0.5, 0.1]
+    (drawn,) = [axes for axes in script.draw(forces, truth, None).axes if axes.get_title().startswith('Contacts')]
+    np.testing.assert_array_equal(drawn.collections[0].get_array(), [0.1, 0.2, 0.5])
+
+
 def test_the_status_says_the_reasons_in_words(bag: Path) -> None:
     script = example('bag_to_figure')
     titles = [axes.get_title() for axes in script.draw(*script.read(bag)).axes]
