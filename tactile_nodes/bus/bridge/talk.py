@@ -12,7 +12,7 @@ from tactile_nodes.bus.zeromq.records import Outlet, checked, participant_from
 from tactile_nodes.errors import MessageError
 from tactile_nodes.params import matches
 
-VERSION = '4'
+VERSION = '5'
 MALFORMED = (MessageError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, struct.error)
 EVERYBODY = '*'
 _ROOT = 'tactile_nodes'
@@ -37,7 +37,7 @@ def key_of(uid: str, *parts: str, version: str = VERSION) -> str:
     """The Zenoh key expression of what the bridge of a participant offers.
 
     >>> key_of('1f', 'state')
-    'tactile_nodes/4/1f/state'
+    'tactile_nodes/5/1f/state'
     """
     return '/'.join((_ROOT, version, uid, *parts))
 
