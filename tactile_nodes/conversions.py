@@ -311,8 +311,9 @@ def opening_mm(state: types.JointState) -> float | None:
 
 
 def truth_fields(truth: Truth, bins: BinGrid) -> dict[str, Any]:
-    """The fields of a ForceDistribution with the true forces, shear included."""
-    contacts = (Contact(*truth.position_mm, truth.total_n, 0.0, 0.0),) if truth.in_contact else ()
+    """The fields of a ForceDistribution with the true forces: one contact with all of them, shear included."""
+    whole = Region(truth.shear_n, 0.0, truth.torsion_n_mm, 0.0, *5 * (math.nan,))
+    contacts = (Contact(*truth.position_mm, truth.total_n, 0.0, 0.0, whole),) if truth.in_contact else ()
     x, y = truth.position_mm
     along_x, along_y = truth.shear_n
     torque = -y * truth.total_n, x * truth.total_n, truth.torsion_n_mm + x * along_y - y * along_x

@@ -99,7 +99,9 @@ def test_wrench_pushes_against_z_and_turns_about_the_middle() -> None:
 @pytest.mark.parametrize(('by_place', 'explained'), [(False, 'EXPLANATION_TIPS'), (True, 'EXPLANATION_FIELD')])
 def test_the_truth_says_where_its_forces_are_and_that_it_took_no_time(by_place: bool, explained: str) -> None:
     """All in the bin of its centre for a tip; no camera, flow or model was at work."""
-    truth = Truth(np.ones((1, 1), np.float32), 1.0, (0.0, 0.0), True, np.zeros((1, 1, 2), np.float32), 0.0, by_place)
+    shear_n = np.full((1, 1, 2), (0.5, -0.25), np.float32)
+    truth = Truth(np.ones((1, 1), np.float32), 1.0, (0.0, 0.0), True, shear_n, 2.0, by_place)
     force = types.ForceDistribution(**conversions.truth_fields(truth, BinGrid(1, 1)))
     assert force.explanation == getattr(force, explained)
+    assert (force.contacts[0].shear_x, force.contacts[0].shear_y, force.contacts[0].torsion) == (0.5, -0.25, 0.002)
     assert all(math.isnan(getattr(force.stages, name)) for name in ('acquire', 'flow', 'features', 'predict'))
