@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--gel', default='', help='name of the new gel, or the YAML file of a simulated one; a data set names its own'
     )
     parser.add_argument(
-        '--curve', action='store_true', help='with bags: also print the error against the number of presses'
+        '--curve', action='store_true', help='also print the error against the number of presses (of tips: with bags)'
     )
     parser.add_argument('--layer', type=Path, metavar='FILE', help="for a network: settings of the paper's layer")
     parser.add_argument(
@@ -110,7 +110,7 @@ def _require_used(arguments: argparse.Namespace) -> None:
     from tactile_nodes.errors import ConfigurationError
 
     listed = arguments.dataset or arguments.pictures
-    for option in ('body', 'force'):
+    for option in ('body', 'curve', 'force'):
         if getattr(arguments, option) and not (arguments.bags or listed):
             raise ConfigurationError(f'--{option} needs presses; leave it out, or give them')
     if arguments.layer and not listed:
@@ -121,9 +121,8 @@ def _require_used(arguments: argparse.Namespace) -> None:
         raise ConfigurationError('--indenter chooses presses of a data set or a table; leave it out')
     if arguments.untouched_below and not arguments.pictures:
         raise ConfigurationError('--untouched-below needs --pictures CSV; leave it out')
-    for option in ('curve', 'namespace'):
-        if getattr(arguments, option) and not arguments.bags:
-            raise ConfigurationError(f'--{option} needs bags; leave it out, or give the bags themselves')
+    if arguments.namespace and not arguments.bags:
+        raise ConfigurationError('--namespace needs bags; leave it out, or give the bags themselves')
 
 
 def _pressed(arguments: argparse.Namespace) -> Pressed:
@@ -155,12 +154,16 @@ def _of_description(arguments: argparse.Namespace) -> int:
 
 def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, AnyCalibration]:
     """Calibrate from a data set, or from a table of pictures that is turned into one."""
+    from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.calibrating.files import Source, calibrate
     from tactile_nodes.learning.calibrating.hand_presses import presses_by_hand
     from tactile_nodes.learning.datasets.file import load_dataset
     from tactile_nodes.learning.transfer.layer import load_layer_config
+    from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
     source, pressed, forced = Source.find(arguments.model), _pressed(arguments), arguments.force
+    if arguments.curve and not isinstance(source.loaded.model.readout, FieldReadout):
+        raise ConfigurationError('--curve needs bags, or a model of any contact (field); leave it out')
     layer = load_layer_config(arguments.layer) if arguments.layer else None
     if arguments.dataset:
         recordings = load_dataset(arguments.dataset)
@@ -171,7 +174,7 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
         )  # fmt: skip
     return calibrate(
         source, recordings, arguments.output, layer=layer, progress=progress, command=command, forced=forced,
-        pressed=pressed, indenter=arguments.indenter,
+        pressed=pressed, indenter=arguments.indenter, curve=arguments.curve,
     )  # fmt: skip
 
 

@@ -60,12 +60,14 @@ def calibrate(
     forced: bool = False,
     pressed: Pressed | None = None,
     indenter: str = '',
+    curve: bool = False,
 ) -> tuple[str, AnyCalibration]:
     """Write the model of the pressed gel; its id, and how it was found.
 
     A response is transferred; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`.
     `pressed` is the sensor and body for a readout of any contact, by default those of its source.
-    `indenter` names the one whose presses count, if the data set has several; without it a field uses all.
+    `indenter` names the one whose presses count, if the data set has several; without it a field uses all. `curve` is
+    as for `with_field`.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -82,8 +84,8 @@ def calibrate(
             source.loaded, recordings.as_samples(), layer, progress, forced=forced
         )
     else:
-        calibration = transferred(source.loaded, recordings, progress, pressed, forced=forced)
-        source, calibration = completed(source, recordings, calibration, progress, pressed, forced=forced)
+        calibration = transferred(source.loaded, recordings, progress, pressed, forced=forced, curve=curve)
+        source, calibration = completed(source, recordings, calibration, progress, pressed, forced=forced, curve=curve)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, calibration, output, seconds=seconds, command=command), calibration
 

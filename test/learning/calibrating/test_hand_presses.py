@@ -57,9 +57,9 @@ def portable(folder: Path) -> Path:
     return calibrated(folder / 'gel.csv', find_model('portable'))
 
 
-def calibrated(table: Path, model: Path) -> Path:
+def calibrated(table: Path, model: Path, *more: str) -> Path:
     output = table.with_name(f'by_hand_{model.name}')
-    options = ['--model', str(model), '--gel', 'by-hand', '-o', str(output)]
+    options = ['--model', str(model), '--gel', 'by-hand', '-o', str(output), *more]
     assert main(['calibrate', '--pictures', str(table), *options]) == 0
     return output
 
@@ -118,9 +118,10 @@ def test_pictures_beside_numbers_of_others_make_no_model(
 def test_weights_on_marks_calibrate_the_field_too(
     folder: Path, first_field: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    loaded = load_model(calibrated(folder / 'gel.csv', first_field))
+    loaded = load_model(calibrated(folder / 'gel.csv', first_field, '--curve'))
     said = ' '.join(capsys.readouterr().out.split())
     assert 'it reads held-out presses' in said and f'from {PRESSES} presses' in said
+    assert 'fitted to: 0 presses: force RMSE' in said
     readout, source = loaded.model.readout, load_model(first_field).model.readout
     assert isinstance(readout, FieldReadout)
     assert isinstance(source, FieldReadout)
