@@ -15,6 +15,12 @@ from tactile_nodes.sensors.covering import MaskSettings, mask_of
 from tactile_nodes.sensors.description import Sensor
 from tactile_nodes.sensors.mounting import Mounting
 
+OF_OTHERS = {
+    'pinhole': ('camera.focal_px_per_rad', 'camera.focal_ratio'), 'fisheye': ('camera.focal_px',),
+    'dots': ('pattern.count',), 'spheres': ('pattern.pitch_mm', 'pattern.dot_mm'),
+}  # fmt: skip
+"""Entries without meaning for a lens model or a kind of pattern."""
+
 CALIBRATION, MASK = 'camera.calibration', 'mask.file'
 """Entries that name files; the contents of these files replace them in the description."""
 
@@ -33,6 +39,10 @@ def load_sensor(name: Path | str) -> Sensor:
     values.pop(MASK, None)
     sensor = from_mapping(Sensor, values, source=str(file), exact=False)
     _require_finite(sensor, str(file))
+    for kind in (sensor.camera.model, sensor.pattern.kind):
+        for key in filter(written.__contains__, OF_OTHERS[kind]):
+            text = f'{key!r} has no effect with {kind!r}; remove it, or correct camera.model or pattern.kind'
+            raise ConfigurationError.at(written[key].source, written[key].line, text)
     if MASK not in written:
         return sensor
     if sensor.mask.polygons_px:

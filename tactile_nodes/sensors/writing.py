@@ -8,12 +8,8 @@ import yaml
 
 from tactile_nodes.params import Value, to_values
 from tactile_nodes.sensors.description import Sensor
+from tactile_nodes.sensors.loading import OF_OTHERS
 
-OF_OTHERS = {
-    'pinhole': ('camera.focal_px_per_rad', 'camera.focal_ratio'), 'fisheye': ('camera.focal_px',),
-    'dots': ('pattern.count',), 'spheres': ('pattern.pitch_mm', 'pattern.dot_mm'),
-}  # fmt: skip
-"""Entries without meaning for a lens model or a kind of pattern."""
 HEAD = """\
 # What is known of this sensor: docs/sensors.md says what each entry means. Change what you know better, and look at it
 # with: tactile sensor check
