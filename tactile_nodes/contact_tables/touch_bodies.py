@@ -37,7 +37,9 @@ def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
     from tactile_nodes.simulation.touch.body import Body
 
     if isinstance(named, (list, tuple)):
-        return _tilted(Body.joined('several', [_part(each) for each in _some(named)]), tilt_deg)
+        if not named:
+            raise ConfigurationError('a list of bodies needs at least one, like: body: [{body: ring}]')
+        return _tilted(Body.joined('several', [_part(each) for each in named]), tilt_deg)
     name = str(named)
     if is_mesh(name):
         return _mesh(Path(name), tilt_deg)
@@ -59,12 +61,6 @@ def _tilted(body: Body, tilt_deg: Tilt) -> Body:
             'turned further'
         )
     return body.tilted(tilt_deg[1], -tilt_deg[0])
-
-
-def _some(parts: list[object] | tuple[object, ...]) -> list[object] | tuple[object, ...]:
-    if not parts:
-        raise ConfigurationError('a list of bodies needs at least one, like: body: [{body: ring}]')
-    return parts
 
 
 def _part(part: object) -> tuple[Body, tuple[float, float, float]]:

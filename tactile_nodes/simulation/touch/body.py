@@ -6,7 +6,7 @@ Lengths in mm. A body's frame has x and y as the gel's surface and z away from t
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -76,9 +76,6 @@ class Body:
         for body, (right, down, raised) in placed:
             heights = np.minimum(heights, body.under(x - right, y - down)[0] + raised)
         return cls.of_heights(name, np.where(heights < NO_BODY_MM, heights, np.inf))
-
-    def renamed(self, name: str) -> Body:
-        return replace(self, name=name)
 
     def under(
         self, x_mm: Float[np.ndarray, '*points'], y_mm: Float[np.ndarray, '*points']

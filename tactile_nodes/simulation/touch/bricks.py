@@ -70,9 +70,6 @@ class State:
     moved: Float32[np.ndarray, 'nodes 3 y x']
     pressure: Float32[np.ndarray, 'rows y x']
 
-    def copy(self) -> State:
-        return State(self.moved.copy(), self.pressure.copy())
-
 
 class Bricks:
     """The forces of a layer, and its linear response."""

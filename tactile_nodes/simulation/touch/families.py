@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -159,4 +160,4 @@ def make_body(name: str, random: Random = None) -> Body:
     """
     if name not in FAMILIES:
         raise ConfigurationError(f'there is no body {name!r}; there are: {", ".join(FAMILIES)}')
-    return FAMILIES[name](random).renamed(name)
+    return replace(FAMILIES[name](random), name=name)

@@ -112,8 +112,8 @@ class Pressing:
             else:
                 target = f'{wanted:.2f} mm deep' if by_depth else f'at {wanted:.2f} mm² of force over the shear modulus'
                 raise ConfigurationError(
-                    f'no equilibrium found for the body {self._body.name!r} {target}; press, drag and twist it less, or '
-                    'use a rounder body'
+                    f'no equilibrium found for the body {self._body.name!r} {target}; press, drag and twist it '
+                    'less, or use a rounder body'
                 )
         return self.standing
 

@@ -107,7 +107,7 @@ def test_a_body_wider_than_the_gel_is_refused():
 
 def test_what_no_gel_bears_is_refused_in_a_sentence():
     bricks = Bricks(Layer(cells=32, spacing_mm=0.5, rows=5))
-    with pytest.raises(ConfigurationError, match=r'no equilibrium found for the body .* at .*; press, drag and twist it less'):
+    with pytest.raises(ConfigurationError, match=r'no equilibrium found for the body .* at .*; press, drag and'):
         Pressing(bricks, make_body('punch')).advance(Pose(), 400.0)
 
 

@@ -184,7 +184,11 @@ class AxisymmetricReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        return self.reading(self.observed(values, confidence))
+        observed = self.observed(values, confidence)
+        if not observed.enough:
+            return nothing_read(self.bins)
+        fit = self.fit(observed)
+        return self.reading_of_fit(observed, fit, self.left_over(observed, fit))
 
     def observed(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -304,17 +308,10 @@ class AxisymmetricReadout:
         certainty: np.ndarray = observed.certainty / (1 + observed.certainty * (off[:, None] + unsure))
         return certainty
 
-    def reading(self, observed: Observation, most_contacts: int = 0) -> Reading:
-        """Forces on bins, at most `most_contacts` contacts, and their uncertainty; no force if it may be noise."""
-        if not observed.enough:
-            return nothing_read(self.bins)
-        fit = self.fit(observed, most_contacts)
-        return self.reading_of_fit(observed, fit, self.left_over(observed, fit))
-
     def reading_of_fit(
         self, observed: Observation, fit: Fit, left: Float32[np.ndarray, 'rows cols 2'], *, anywhere: bool = False
     ) -> Reading:
-        """The reading of a fit with this residual, with uncertainty from the noise of the image.
+        """The reading of a fit with this residual, with uncertainty from the noise; no force if it may be noise.
 
         Contacts beyond the measured forces are novel, and those beyond the measured places unless `anywhere`.
         """
