@@ -66,3 +66,8 @@ def test_a_plan_of_ones_own_reaches_the_rig_as_one_that_ships_does(commands, nam
     devices = paths.share_directory() / 'config/rigs/example.yaml'
     [(_, plan)] = given_as('plan_file', commands(name, rig=rig, plan='mine.yaml', devices=devices))
     assert plan == 'mine.yaml'
+
+
+@pytest.mark.parametrize(('model', 'plan'), [('field', 'any_contact'), ('portable', 'calibrate')])
+def test_a_field_is_calibrated_with_light_presses_too(commands, model: str, plan: str):
+    assert [given for _, given in given_as('plan_file', commands('calibrate', model=model))] == [plan]

@@ -126,7 +126,7 @@ class FieldFit:
     @property
     def deep(self) -> str:
         """The number of presses that were left out, in words."""
-        return f'; presses left out, too deep for a linear layer: {self.left_out}' if self.left_out else ''
+        return f'; presses left out, too deep (press lighter): {self.left_out}' if self.left_out else ''
 
 
 def noise_of_dots(sensor: Sensor, scaling: InputScaling) -> InputScaling:
