@@ -114,7 +114,7 @@ def read(
     """Scores of each chain for each contact, and the CPU time of OpenCV's DIS in the same run (ms, median)."""
     import numpy as np
 
-    from benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames
+    from benchmarks.contacts.frames import frames
     from benchmarks.contacts.scores import score
     from benchmarks.front.profiles import Profile
     from benchmarks.stability.chain import Chain
@@ -130,7 +130,7 @@ def read(
     chains = {name: Chain(model, compiled=compiled) for name, model in models.items()}
     found: dict[str, list[Score]] = {name: [] for name in models}
     dis, dis_ms, first = make_flow('dis', {'preset': 'medium'}), [], True
-    with progress.bar(f'reading contacts, {condition.name}', len(chosen) * (FREE_FRAMES + HELD_FRAMES)) as bar:
+    with progress.bar(f'reading contacts, {condition.name}', len(chosen)) as bar:
         for frame in frames(gel, chosen, condition, 1000, size_px):
             if first:
                 dis.set_reference(frame.picture)
@@ -150,7 +150,7 @@ def read(
                 begun = time.process_time()
                 dis.displacement(frame.picture)
                 dis_ms.append(1e3 * (time.process_time() - begun))
-            bar.advance()
+                bar.advance()
     return found, float(np.median(dis_ms))
 
 
