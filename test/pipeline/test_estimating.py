@@ -233,7 +233,7 @@ def test_a_description_that_changed_after_its_model_was_made_is_named(tmp_path: 
 def test_entries_that_a_description_leaves_out_are_named_too_when_they_change(tmp_path: Path) -> None:
     """Moving the dots or the bins, or shaping the rim, changes entries that are written only if they are not usual."""
     text = (share_directory() / 'config/sensors/simulated.yaml').read_text()
-    (mine := tmp_path / 'mine.yaml').write_text(f'{text}\npattern: {{dot_mm: [0.4, -1.1]}}\n')
+    (mine := tmp_path / 'mine.yaml').write_text(f'{text}\npattern: {{kind: dots, dot_mm: [0.4, -1.1]}}\n')
     message = Estimating('field', sensor=str(mine)).outdated()
     assert 'pattern.dot_mm was [0.0, 0.0], is [0.4, -1.1]' in message
     loaded = load_model(find_model('field'))

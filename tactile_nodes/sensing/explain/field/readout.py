@@ -237,15 +237,15 @@ class FieldReadout:
         return sides
 
     def _reading(self, found: Field, unlike: float, reduced_n: float) -> Reading:
-        patches, widened = self.solver.patches, max(unlike, 1.0)
+        patches, usual = self.solver.patches, self.spread.unfit() if unlike > 1 else self.spread
         summed = sums(found, self.surface, patches, compiled=self.compiled)
-        spread = self.spread.out_of_sight(self.solver.hidden(found.forces_n[0])).reduced(reduced_n).times(widened)
+        spread = usual.out_of_sight(self.solver.hidden(found.forces_n[0])).reduced(reduced_n)
         covariance = spread.covariance(summed.field, patches, summed.wrench_covariance)
         forces = summed.bins_n.astype(np.float32)
         off = spread.bins_n(summed.bins_n[0], summed.bins_off_n).astype(np.float32)
         acting = Acting(
             'field', np.moveaxis(forces[1:], 0, -1), off, summed.wrench, covariance,
-            partial(self._surface, summed.field, widened),
+            partial(self._surface, summed.field, max(unlike, 1.0)),
         )  # fmt: skip
         contacts, sigma_n = contacts_of(summed.contacts, spread), math.sqrt(covariance[2, 2])
         return Reading(forces[0], contacts, sigma_n, unlike, acting=acting)
