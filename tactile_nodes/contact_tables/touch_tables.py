@@ -109,7 +109,7 @@ def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
 
     Their force is 18 mm² times the shear modulus of the gel.
     """
-    usual = ((name, usual_contact(gel, name)) for name in USUAL if _width_mm(body_of(name)) <= min(gel.sides_mm))
+    usual = ((name, usual_contact(gel, name)) for name in USUAL if 2 * body_of(name).reach_mm <= min(gel.sides_mm))
     found = ((name, known_table(_problem(gel, contact).key)) for name, contact in usual)
     return {name: table for name, table in found if table is not None}
 
@@ -128,19 +128,16 @@ class _Problem(NamedTuple):
     key: str
 
 
-def _width_mm(body: Body) -> float:
-    return 2 * body.reach_mm
-
-
 def _problem(gel: Gel, contact: Contact) -> _Problem:
     from tactile_nodes.simulation.touch.bricks import Layer
     from tactile_nodes.simulation.touch.track import track_key
 
     layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
-    if _width_mm(body) > (narrow_mm := min(gel.sides_mm)):
+    wide_mm, narrow_mm = 2 * body.reach_mm, min(gel.sides_mm)
+    if wide_mm > narrow_mm:
         raise ConfigurationError(
-            f'{body.name} is {_width_mm(body):.0f} mm wide about its origin, but the gel only {narrow_mm:g} mm; give a '
-            'smaller body, or place it nearer to the middle'
+            f'{body.name} is {wide_mm:.0f} mm wide about its origin, but the gel only {narrow_mm:g} mm; give a smaller '
+            'body, or place it nearer to the middle'
         )
     way = _way(contact, gel)
     return _Problem(layer, body, way, table_key(track_key(layer, body, way), gel))
