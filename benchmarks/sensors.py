@@ -109,7 +109,7 @@ def _pressed(name: str, model: str, presses: int) -> str:
     folder, made = Path(model).parent / 'presses', Path(model).with_name('calibrated.safetensors')
     press = ['press', str(folder), '--sensor', name, '--indenter', BALL, '--presses', str(presses)]
     calibrate = ['calibrate', '--pictures', str(folder / 'presses.csv'), '--model', model, '--gel', 'pressed']
-    own_list = {**os.environ, 'XDG_DATA_HOME': str(folder.parent)}
+    own_list = {**os.environ, 'TACTILE_GELS': str(folder.parent / 'gels.sqlite')}
     for words in (press, [*calibrate, '--force', '-o', str(made)]):
         command = [sys.executable, '-m', 'tactile_nodes', *words]
         done = subprocess.run(command, env=own_list, check=False, capture_output=True, text=True)
