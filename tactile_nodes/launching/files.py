@@ -40,7 +40,7 @@ def resolve(words: Sequence[str], environment: Mapping[str, str]) -> tuple[Path,
 
 
 def parse_arguments(words: Sequence[str]) -> dict[str, str]:
-    """``name:=value`` arguments as a mapping; the last of several wins.
+    """``name:=value`` arguments as a mapping; the last of several wins. Shells leave a ``~/`` after ``:=`` as it is.
 
     Raises:
         LaunchFileError: an argument of another form.
@@ -50,7 +50,7 @@ def parse_arguments(words: Sequence[str]) -> dict[str, str]:
         name, separator, value = word.partition(':=')
         if not name or not separator or (not value and word.count(':=') == 1):
             raise LaunchFileError(f"malformed launch argument '{word}', expected format '<name>:=<value>'")
-        arguments[name] = value
+        arguments[name] = f'{Path.home()}{value[1:]}' if value.startswith('~/') else value
     return arguments
 
 

@@ -129,6 +129,12 @@ def test_the_last_of_several_arguments_wins():
     assert files.parse_arguments(['a:=1', 'b:=x:=y', 'a:=2']) == {'a': '2', 'b': 'x:=y'}
 
 
+def test_a_tilde_that_the_shell_leaves_is_the_home_folder(monkeypatch):
+    """Else a run is recorded into a folder with that name."""
+    monkeypatch.setenv('HOME', '/home/me')
+    assert files.parse_arguments(['bags:=~/data/', 'name:=a~/b']) == {'bags': '/home/me/data/', 'name': 'a~/b'}
+
+
 @pytest.mark.parametrize('word', ['a', ':=b', 'a:=', 'a=b'])
 def test_a_malformed_argument_is_an_error(word):
     with pytest.raises(LaunchFileError, match='malformed launch argument'):
