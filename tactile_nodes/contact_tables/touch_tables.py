@@ -202,7 +202,8 @@ def _described(file: Path) -> Contact:
         if name not in defaults:
             raise ConfigurationError(f'{file}: a contact has no {name!r}; it has: {", ".join(defaults)}')
         if name != 'body' and not _fits(value, defaults[name]):
-            raise ConfigurationError(f'{file}: {name!r} must be like {defaults[name]!r}, got {value!r}')
+            like = list(Contact.tilt_deg) if name == 'tilt_deg' else defaults[name]
+            raise ConfigurationError(f'{file}: {name!r} must be like {like}, got {value!r}')
     tilt_deg = tuple(map(float, entries.get('tilt_deg', (0.0, 0.0))))
     try:
         return Contact(**{**entries, 'tilt_deg': tilt_deg, 'body': _beside(file.parent, entries['body'])})

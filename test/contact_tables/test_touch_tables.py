@@ -91,6 +91,7 @@ def test_the_description_that_ships_is_two_fingers_a_little_apart_in_height():
         ('force_n: 2.0\n', 'does not describe a contact; it needs at least an entry like: body: ring'),
         ('body: ring\nfroce_n: 2.0\n', "a contact has no 'froce_n'; it has: body, tilt_deg, force_n"),
         ('body: ring\nforce_n: much\n', "'force_n' must be like 2.0, got 'much'"),
+        ('body: ring\ntilt_deg: 3\n', r"'tilt_deg' must be like \[0.0, 0.0\], got 3"),
         ('body: ring\nforce_n: -1.0\n', r"contact.yaml: a contact's 'force_n' must be from 0.001 to 100, got -1"),
         ('body: ring\ntilt_deg: [0, 200]\n', r"'tilt_deg' must be from -180 to 180, got \(0.0, 200.0\)"),
         ('body: [\n', 'cannot read the contact'),
