@@ -16,6 +16,7 @@ from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, SteppedClock
 from tactile_nodes.errors import ConfigurationError, DeviceLostError, ServiceError
 from tactile_nodes.messages import services, time_from_ns, types
