@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_nodes.learning.agreement.objections import middles
+from tactile_nodes.learning.field.calibration import NO_TEXTURE
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import make_encoding
@@ -24,7 +25,7 @@ HELD = 8
 """Number of successive images that must agree for a press to count as held still."""
 LEAST_NOISE_PX = 0.01
 """Least noise of regions in images at rest, which is that of the simulated sensor. 20 g move them by 0.18 px,
-those of printed dots by 0.165 with a noise of 0.031."""
+those of printed dots by 0.26 with a noise of 0.054."""
 TOUCHED_NOISE, SAME_NOISE, SAME_SHARE = 3.0, 2.0, 0.03
 """Thresholds in units of that noise: for contact, and for the difference between two images of one press. The third
 is a share of the largest motion, added to the second."""
@@ -48,10 +49,12 @@ class Watch:
     def __init__(self, sensor: Sensor, rests: Sequence[UInt8[np.ndarray, 'h w']]) -> None:
         self._held = deque[np.ndarray](maxlen=HELD)
         regions = {'rows': REGIONS, 'cols': REGIONS}
-        flow = make_flow('inverse_compositional', {**regions, 'finest_scale': 0})
+        dots = sensor.pattern.kind == 'dots'
+        fine = {**regions, 'finest_scale': 0}
+        flow = make_flow('dots', regions) if dots else make_flow('inverse_compositional', fine)
         width, height = (side // REGIONS * REGIONS for side in sensor.image.crop_px)
         self._size = width, height
-        encoding = make_encoding('cartesian_mean', regions)
+        encoding = make_encoding('cartesian_mean', {**regions, 'texture_grey': NO_TEXTURE} if dots else regions)
         self._rest = Measuring(flow, encoding).beside(self._cut(average(rests)))
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
         seen = View(sensor).shares_of(places.reshape(-1, 2))
