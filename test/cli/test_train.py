@@ -99,9 +99,9 @@ def test_a_run_is_trained_kept_and_compared(
     assert 'training.seed' in capsys.readouterr().out
 
 
-def words_of(folder: Path, noise_px: float) -> list[str]:
-    """A hundred presses and more of a gel whose motion is seen with noise, and what trains on them."""
-    dataset = pressed(150, 2, 1.0, 0.0)
+def words_of(folder: Path, noise_px: float, presses: int = 150) -> list[str]:
+    """Presses of a gel whose motion is seen with noise, and what trains on them."""
+    dataset = pressed(presses, 2, 1.0, 0.0)
     noise = noise_px * np.random.default_rng(1).normal(size=dataset.features.shape)
     noisy = dataclasses.replace(dataset, features=(dataset.features + noise).astype(np.float16))
     save_dataset(folder / 'presses.npz', recorded(noisy, 'mine'))
@@ -117,7 +117,15 @@ def test_a_model_of_too_few_presses_says_so_and_what_to_do(
     assert main(words_of(tmp_path, noise_px)) == 0
     printed = ' '.join(capsys.readouterr().out.split())
     assert ('warning: held-out presses are read' in printed) is warned
+    assert ('presses to train on are too few: record 400 or more in all, or calibrate' in printed) is warned
     assert ('tactile calibrate --dataset presses.npz --model portable' in printed) is warned
+
+
+def test_as_many_presses_as_tactile_press_advises_are_not_called_too_few(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(words_of(tmp_path, 0.15, presses=460)) == 0  # some show the untouched gel
+    assert 'presses to train on usually do better: check places and forces' in ' '.join(capsys.readouterr().out.split())
 
 
 def few(folder: Path, presses: int, untouched: int) -> str:

@@ -35,8 +35,8 @@ from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 
-USUAL_PRESSES = 300
-"""Number of presses that gives a useful model (docs/training.md)."""
+USUAL_PRESSES, LEFT = 400, 280
+"""Number of recorded presses that gives a useful model, and how many of them the splits leave to train on."""
 CALIBRATE = (
     'calibrate a model of another gel, which takes ten to a hundred presses with the features of that model: tactile '
     'dataset … --model portable -o presses.npz, then tactile calibrate --dataset presses.npz --model portable -o FILE'
@@ -132,9 +132,9 @@ def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = F
 
 def _advice(presses: int) -> str:
     """Advice on how to get a model if this number of training presses was not enough."""
-    enough = presses >= USUAL_PRESSES
-    few = f'{presses} presses to train on are {"inconsistent" if enough else "too few"}'
-    more = 'check places and forces' if enough else f'record {USUAL_PRESSES} or more'
+    enough = presses >= LEFT
+    few = f'{presses} presses to train on {"usually do better" if enough else "are too few"}'
+    more = 'check places and forces' if enough else f'record {USUAL_PRESSES} or more in all'
     return f'{few}: {more}, or {CALIBRATE}'
 
 
