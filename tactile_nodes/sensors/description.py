@@ -162,7 +162,7 @@ class GelDescription:
     poisson_ratios: tuple[float, ...] = parameter((0.5, 0.5), 'ratio of each layer, at most 0.5 (incompressible)')
     markers_mm: tuple[float, ...] = parameter((1.5, 6.0), 'depths between which the visible pattern lies')
     moduli_off: float = parameter(
-        0.6, 'relative standard deviation of the moduli: 0.6 if they were not measured', minimum=0.0
+        0.9, 'relative standard deviation of the moduli: 0.9 if they were not measured', minimum=0.0
     )
     outline_mm: str = parameter('', "part of the rectangle that is gel: empty (all), ellipse, or corners 'x,y x,y x,y'")
     dome_radius_mm: float = parameter(0.0, 'radius of a spherical surface; 0: it is flat', minimum=0.0)

@@ -83,13 +83,13 @@ def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytes
     assert Path('mine_check.png').is_file()
 
 
-def test_of_a_gel_of_unknown_stiffness_forces_are_known_to_60_percent_and_the_next_command_can_be_typed_as_printed(
+def test_of_a_gel_of_unknown_stiffness_forces_are_known_to_90_percent_and_the_next_command_can_be_typed_as_printed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['sensor', 'new', 'rest', '-o', 'my sensor.yaml', '--width', '18.5', '--yes']) == 0
     printed = capsys.readouterr().out.rsplit('with: ', 1)[1]
     assert shlex.split(printed)[:4] == ['tactile', 'calibrate', '--sensor', 'my sensor.yaml']
-    assert load_sensor('my sensor.yaml').gel.moduli_off == 0.6
+    assert load_sensor('my sensor.yaml').gel.moduli_off == 0.9
 
 
 def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:

@@ -49,11 +49,6 @@ class Known:
         trained = self.loaded is not None and not self.loaded.of_description
         return OneSize.of(None if trained else self.sensor)
 
-    @property
-    def force_times(self) -> float:
-        """The factor by which forces may be off; larger if the description states uncertain moduli."""
-        return max(FORCE_TIMES, (1 + self.sensor.gel.moduli_off) ** 3) if self.sensor else np.inf
-
     def forces_n(
         self, motion: Float32[np.ndarray, 'n rows cols 2'], confidence: Float32[np.ndarray, 'n rows cols']
     ) -> Float[np.ndarray, ' n']:
@@ -93,7 +88,7 @@ class Known:
         if not len(given):
             return ''
         times = float(np.median(given / expected))
-        if not 1 / self.force_times <= times <= self.force_times:
+        if not 1 / FORCE_TIMES <= times <= FORCE_TIMES:
             return f'forces are about {_round(times)} times those expected from the description: check the unit'
         least, most = np.quantile(expected, (0.1, 0.9)).tolist()
         if given.max() <= ALIKE * given.min() and most > DIFFER * least:

@@ -63,7 +63,7 @@ class Answers:
     pitch_mm: float = 0.0
     thickness_mm: float = 4.0
     modulus_mpa: float = 0.1
-    modulus_off: float = 0.6
+    modulus_off: float = GelDescription.moduli_off
     markers_mm: tuple[float, float] = (0.2, 0.5)
     distance_mm: float = 20.0
     camera: CameraDescription | None = None
