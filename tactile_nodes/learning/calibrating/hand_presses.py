@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 
-from tactile_nodes.drivers.camera.contract import Picture
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.calibrating.files import require_source
@@ -25,8 +24,6 @@ from tactile_nodes.learning.tables.pictures import FolderPictures, folder_of
 from tactile_nodes.learning.tables.presses import PressTable, TablePress, read_table
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.flow.dot_pattern import find_dots
-from tactile_nodes.sensing.flow.dots import DotsFlow
 
 
 def presses_by_hand(
@@ -63,7 +60,6 @@ def presses_by_hand(
         _require_bodies(read, touching, loaded, pressed)
     source = Imported(read, FolderPictures(folder_of(read)))
     require_rows(source, known.sensor)
-    _require_pattern(loaded, _untouched(source), forced=forced)
     if sentence := _describe_tips(loaded, touching, pressed):
         progress.say(sentence)
     return import_presses([source], options, known, progress, command=command, forced=forced)
@@ -81,28 +77,6 @@ def _require_bodies(table: PressTable, rows: Sequence[TablePress], loaded: Loade
         with faults.row(row.line):
             named(row.indenter)
     faults.require_none()
-
-
-def _untouched(source: Imported) -> Picture:
-    """The first image of the untouched gel. Raises DatasetError: it cannot be read."""
-    faults, first = source.table.faults, next(row for row in source.table.rows if not row.touches)
-    read = [picture for _, picture in source.pictures.of([first], faults)]
-    faults.require_none()
-    return read[0]
-
-
-def _require_pattern(loaded: LoadedModel, untouched: Picture, *, forced: bool) -> None:
-    """Refuse printed dots for a model that follows a texture.
-
-    Raises:
-        DatasetError: that is so, and it was not forced.
-    """
-    if loaded.flow[0] != DotsFlow.name and not forced and (dots := find_dots(untouched)) is not None:
-        raise DatasetError(
-            f'the images show {len(dots.centres_px)} printed dots, but model {loaded.model_id} tracks a texture; '
-            'describe the sensor (tactile sensor new) and start from a model of its description (docs/sensors.md); '
-            '--force starts from this one all the same'
-        )
 
 
 def _describe_tips(loaded: LoadedModel, rows: Sequence[TablePress], pressed: Pressed) -> str:

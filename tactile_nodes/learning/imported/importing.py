@@ -37,6 +37,9 @@ from tactile_nodes.learning.tables.pictures import OneSize, Pictures, Size
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
+from tactile_nodes.sensing.flow.dot_pattern import find_dots
+from tactile_nodes.sensing.flow.dots import DotsFlow
+from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.picture.quality import require_picture
 from tactile_nodes.sensing.rest.reference import average, content_id
 from tactile_nodes.sensors import Sensor
@@ -98,7 +101,7 @@ def import_presses(
     ):
         builder, size, gels = Builder(options, measurer, bar), known.size, Gels(progress)
         for number, source in enumerate(sources):
-            card, rest_motion, known_rows = _taken(builder, number, source, size)
+            card, rest_motion, known_rows = _taken(builder, number, source, size, forced=forced)
             gels.see(source.table.file, measurer)
             entries.append(card)
             rests.append(rest_motion)
@@ -216,7 +219,7 @@ def _repeated(rows: Sequence[TablePress]) -> int:
 
 
 def _taken(
-    builder: Builder, bag: int, source: Imported, size: OneSize
+    builder: Builder, bag: int, source: Imported, size: OneSize, *, forced: bool
 ) -> tuple[dict[str, Any], Float32[np.ndarray, 'rests rows cols 2'], list[Row]]:
     """Give a table's presses to a builder.
 
@@ -230,6 +233,8 @@ def _taken(
     parts, picture_of = _parts(table.rows), {row.line: picture for row, picture in rested}
     plan = hashlib.sha256(repr((table.rows, [each.picture for each in known])).encode()).hexdigest()[:12]
     reference = Frame(0, _rest_image(parts, picture_of))
+    if not forced:
+        _require_pattern(table, measurer.flow, reference.image)
     moved: dict[int, np.ndarray] = {}
     try:
         measurer.use_reference(reference.image)
@@ -265,6 +270,16 @@ def _taken(
     }  # fmt: skip
     motion = np.stack([moved[line] for line in picture_of]).astype(np.float32)
     return card, as_motion(measurer.encoding.name, motion), known
+
+
+def _require_pattern(table: PressTable, flow: FlowMethod, rest: Picture) -> None:
+    """Refuse images of printed dots for a flow method that follows a texture. Raises DatasetError."""
+    if flow.name != DotsFlow.name and (dots := find_dots(rest)) is not None:
+        raise DatasetError(
+            f'{table.file}: the images show {len(dots)} printed dots, but {flow.name} tracks a texture; describe the '
+            'sensor (tactile sensor new), and give --model a model of its description (docs/sensors.md); --force '
+            'measures the texture all the same'
+        )
 
 
 def _checked(

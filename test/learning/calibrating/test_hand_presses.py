@@ -218,6 +218,9 @@ def test_a_model_that_follows_a_texture_begins_with_no_printed_dots(
     words = ['--model', 'portable', '--gel', 'dots', '-o', str(tmp_path / 'dots.safetensors')]
     assert main(['calibrate', '--pictures', str(tmp_path / 'dots.csv'), *words]) == 1
     assert 'printed dots' in capsys.readouterr().err
+    words = ['--sensor', 'printed_dots', '-o', str(tmp_path / 'dots.npz')]
+    assert main(['dataset', 'import', str(tmp_path / 'dots.csv'), *words]) == 1
+    assert 'printed dots' in capsys.readouterr().err
 
 
 def test_a_sensor_with_other_bins_is_described_first(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
