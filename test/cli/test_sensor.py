@@ -171,6 +171,7 @@ def test_questions_that_end_early_name_the_flag(folder: Path, capsys: pytest.Cap
         (['rest', '--width', '18', '--skip', '9'], 'ends before picture 9'),
         (['rest/0.png', '--pitch', '2.5', '--fisheye'], '--fisheye is the lens model of a calibration'),
         (['none.png', '--width', '18'], 'cannot read the image none.png'),
+        (['rest', '--pitch', '2.5', '--distance', '0.2'], 'the answers contradict each other: camera.focal_px'),
     ],
 )
 def test_what_no_description_follows_from_is_refused_and_nothing_written(

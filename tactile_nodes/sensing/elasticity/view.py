@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tactile_nodes.sensing.geometry import Camera, FisheyeCamera, PinholeCamera, rotation
-from tactile_nodes.sensors import Sensor
+from tactile_nodes.sensors import CameraDescription, Sensor
 from tactile_nodes.shapes import Float
 
 DEPTHS = 5
@@ -98,16 +98,18 @@ class View:
 
     @cached_property
     def _camera(self) -> Camera:
-        camera, image = self.sensor.camera, self.sensor.image
-        u, v = camera.centre_px
-        if camera.model == 'pinhole':
-            across, down = camera.focal_px
-            return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
-        return FisheyeCamera(
-            image.width, image.height, camera.focal_px_per_rad, (u, v), camera.lens, camera.focal_ratio
-        )
+        return camera_of(self.sensor.camera, self.sensor.image.width, self.sensor.image.height)
 
     @property
     def _turn(self) -> Float[np.ndarray, '3 3']:
         """The camera's axes in the surface frame, as columns."""
         return rotation(np.radians([*self.sensor.camera.tilt_deg, self.sensor.camera.roll_deg]))
+
+
+def camera_of(camera: CameraDescription, width: int, height: int) -> Camera:
+    """The described camera, with images of this size, in its own frame."""
+    u, v = camera.centre_px
+    if camera.model == 'pinhole':
+        across, down = camera.focal_px
+        return PinholeCamera(width, height, (across, down), (u, v), camera.distortion)
+    return FisheyeCamera(width, height, camera.focal_px_per_rad, (u, v), camera.lens, camera.focal_ratio)

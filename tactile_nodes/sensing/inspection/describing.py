@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.elasticity.rays import dot_place_mm
-from tactile_nodes.sensing.elasticity.view import View
+from tactile_nodes.sensing.elasticity.view import View, camera_of
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
 from tactile_nodes.sensors import (
@@ -22,7 +22,7 @@ from tactile_nodes.sensors import (
     Sensor,
 )
 from tactile_nodes.sensors.covering import polygons_of
-from tactile_nodes.shapes import Bool, Float, UInt8
+from tactile_nodes.shapes import Bool, Float, Int, UInt8
 
 REGION_STEP = 40
 """The sides of the crop are multiples of this, so that regions of many sizes divide them."""
@@ -39,6 +39,12 @@ SAME = 0.1
 """Allowed relative difference of two estimates of one length."""
 
 LEAST_COVERED = 0.01
+
+NEIGHBOUR = 0.4
+"""Over the pitch: how far a neighbour may be from where the usual step leads, as a lens shortens those at the rim."""
+
+LEAST_FORWARDS = 0.17
+"""Rays farther than 80 degrees from the optical axis count as at 80."""
 
 
 @dataclass(frozen=True)
@@ -128,20 +134,13 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
         ConfigurationError: answers contradict each other or the picture.
     """
     if seen.covered.all():
-        raise ConfigurationError('the mask covers the whole image; black parts mark what to leave out')
-    px_per_mm = _scale(seen, answers, size_px[0])
-    middle_mm = sum(answers.markers_mm) / 2
-    (height, width), camera = seen.picture.shape, answers.camera
-    away_mm = _distance(answers, px_per_mm, middle_mm, size_px[0])
-    if camera is None:
-        focal = px_per_mm * (away_mm - middle_mm)
-        camera = CameraDescription('pinhole', focal_px=(focal, focal), centre_px=tuple((n - 1) / 2 for n in size_px))
-    low, high = _seen_mm(seen, camera, size_px, px_per_mm, away_mm - middle_mm)
-    # Rays diverge: the visible area is smaller at the middle of the pattern than at its top.
-    top = (away_mm - answers.markers_mm[0]) / (away_mm - middle_mm)
-    wide_mm, high_mm = (math.ceil(10 * top * side) / 10 for side in (high - low).tolist())
-    x_mm, y_mm = (-np.round(top * (low + high) / 2, 1) + 0.0).tolist()
+        raise ConfigurationError('the mask covers the whole image; black parts and polygons mark what to leave out')
+    height, width = seen.picture.shape
     try:
+        camera, away_mm = _placed(seen, answers, size_px)
+        low, high = away_mm * _seen_slopes(seen, camera, size_px)
+        wide_mm, high_mm = (math.ceil(10 * side) / 10 for side in (high - low).tolist())
+        x_mm, y_mm = (-np.round((low + high) / 2, 1) + 0.0).tolist()
         sensor = Sensor(
             answers.name,
             ImageSettings(*size_px, width, height),
@@ -150,10 +149,10 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
                 wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.5,), answers.markers_mm,
                 answers.modulus_off, sides=answers.sides,
             ),
-            _pattern(seen, px_per_mm, wide_mm * high_mm),
-            BinSettings(*(min(64, max(2, round(side / BIN_MM))) for side in (high_mm, wide_mm))),
-            _mask(seen, size_px),
+            bins=BinSettings(*(min(64, max(2, round(side / BIN_MM))) for side in (high_mm, wide_mm))),
+            mask=_mask(seen, size_px),
         )  # fmt: skip
+        sensor = replace(sensor, pattern=_pattern(seen, sensor))
     except ValueError as error:
         raise ConfigurationError(f'the answers contradict each other: {error}') from error
     if seen.dots is None:
@@ -162,80 +161,107 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
     return replace(sensor, pattern=replace(sensor.pattern, dot_mm=tuple(round(each, 2) + 0.0 for each in at)))
 
 
-def _scale(seen: Understood, answers: Answers, width_px: int) -> float:
-    """Pixels per millimetre at the pattern; `width_px` is the width of the camera's whole picture."""
-    by_width = width_px / answers.width_mm if answers.width_mm else 0.0
-    by_pitch = seen.dots.pitch_px / answers.pitch_mm if seen.dots and answers.pitch_mm else 0.0
-    if answers.pitch_mm and not by_pitch:
+def _placed(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> tuple[CameraDescription, float]:
+    """The camera, and the distance (mm) of its pupil from the surface of the gel.
+
+    A calibrated lens is as far away as the width or the pitch implies. Without a calibration they imply the focal
+    length of a lens at the given distance.
+    """
+    if answers.pitch_mm and not seen.dots:
         raise ConfigurationError('a pitch was given, but the image shows no dots in rows and columns; leave it out')
-    if not (by_width or by_pitch):
+    if not (answers.width_mm or answers.pitch_mm):
         raise ConfigurationError('the size of the gel in the image is unknown; give the width that is seen')
-    if by_width and by_pitch and abs(by_width / by_pitch - 1) > SAME:
+    (width, height), middle_mm = size_px, sum(answers.markers_mm) / 2
+    unknown = CameraDescription('pinhole', focal_px=2 * (float(width),), centre_px=((width - 1) / 2, (height - 1) / 2))
+    camera = answers.camera or unknown
+    # From the lens to the surface, and to the pattern below it, if its focal length is right.
+    ends = np.array([[-0.5, camera.centre_px[1]], [width - 0.5, camera.centre_px[1]]])
+    surface_mm = answers.width_mm / float(np.ptp(_slopes(camera, size_px, ends), axis=0)[0])
+    pattern_mm = answers.pitch_mm / _pitch(seen, camera, size_px) if answers.pitch_mm else 0.0
+    known_mm = answers.distance_mm if answers.camera is None else pattern_mm + middle_mm if pattern_mm else surface_mm
+    by_width_mm = surface_mm * (1 - middle_mm / known_mm)
+    focal_px = camera.focal_lengths_px[0]
+    if by_width_mm and pattern_mm and abs(by_width_mm / pattern_mm - 1) > SAME:
         raise ConfigurationError(
-            f'the given width of {answers.width_mm:g} mm means {by_width:.1f} px per mm, but the given pitch of '
-            f'{answers.pitch_mm:g} mm means {by_pitch:.1f}; check both, or leave one out'
+            f'the given width of {answers.width_mm:g} mm means {focal_px / by_width_mm:.1f} px per mm, but the given '
+            f'pitch of {answers.pitch_mm:g} mm means {focal_px / pattern_mm:.1f}; check both, or leave one out'
         )
-    return by_pitch or by_width
+    if answers.camera is None:
+        focal_px *= (known_mm - middle_mm) / pattern_mm if pattern_mm else known_mm / surface_mm
+        return replace(camera, focal_px=(focal_px, focal_px)), known_mm
+    if answers.distance_mm and abs(answers.distance_mm / known_mm - 1) > 2 * SAME:
+        raise ConfigurationError(
+            f'from its calibration and the width that is seen, the lens is {known_mm:.1f} mm away, but '
+            f'{answers.distance_mm:g} mm were given; check both, or leave one out'
+        )
+    return camera, known_mm
 
 
-def _seen_mm(
-    seen: Understood, camera: CameraDescription, size_px: tuple[int, int], px_per_mm: float, away_mm: float
-) -> tuple[Float[np.ndarray, ' 2'], Float[np.ndarray, ' 2']]:
-    """Upper left and lower right corner (mm from the optical axis) of the uncovered part, `away_mm` from the pupil.
+def _slopes(
+    camera: CameraDescription, size_px: tuple[int, int], pixels: Float[np.ndarray, 'n 2']
+) -> Float[np.ndarray, 'n 2']:
+    """Where the rays of pixels of the camera's image are (x, y) at a distance of 1 along the optical axis."""
+    rays = camera_of(camera, *size_px).unproject(pixels)
+    return np.asarray(rays[:, :2] / np.maximum(rays[:, 2:], LEAST_FORWARDS))
+
+
+def _pitch(seen: Understood, camera: CameraDescription, size_px: tuple[int, int]) -> float:
+    """The pitch of the dots at a distance of 1, mean over all neighbours."""
+    assert seen.dots is not None
+    centres, steps = seen.dots.centres_px, []
+    slopes = _slopes(camera, size_px, centres + _corner(seen, size_px))
+    for step in (seen.dots.across_px, seen.dots.down_px):
+        away = np.hypot(*(centres[:, None] + step - centres).transpose(2, 0, 1))
+        near = away.min(axis=1) < NEIGHBOUR * seen.dots.pitch_px
+        steps.append(slopes[away.argmin(axis=1)[near]] - slopes[near])
+    return float(np.hypot(*np.concatenate(steps).T).mean())
+
+
+def _corner(seen: Understood, size_px: tuple[int, int]) -> Int[np.ndarray, ' 2']:
+    """Upper left corner of the cropped picture in the camera's full picture, of which it is the middle."""
+    return np.asarray((np.array(size_px) - seen.picture.shape[::-1]) // 2)
+
+
+def _seen_slopes(
+    seen: Understood, camera: CameraDescription, size_px: tuple[int, int]
+) -> Float[np.ndarray, 'corners 2']:
+    """Upper left and lower right corner of the uncovered part, at a distance of 1 along the optical axis.
 
     At the rim of the picture the gel is assumed to extend a little further.
     """
-    height, width = seen.covered.shape
-    free = np.argwhere(~seen.covered)[:, ::-1]
-    low, high, size = free.min(axis=0), free.max(axis=0), np.array([width, height])
-    more = (BEYOND - 1) / 2 * size
-    corners = np.where(low == 0, -more, low), np.where(high == size - 1, size - 1 + more, high)
-    middle = np.array(camera.centre_px) - (np.array(size_px) - size) // 2
-    if camera.model == 'pinhole':
-        left, right = ((each - middle) / px_per_mm for each in corners)
-    else:
-        steep = 1 / np.array(camera.focal_lengths_px)
-        left, right = (away_mm * np.tan(np.clip((each - middle) * steep, -1.4, 1.4)) for each in corners)
-    return left, right
+    free, size = np.argwhere(~seen.covered)[:, ::-1], np.array(seen.picture.shape[::-1])
+    corners = np.stack([free.min(axis=0), free.max(axis=0)])
+    pixels = np.tile(camera.centre_px, (2, 2, 1))  # along x and y: both ends, on the optical axis otherwise
+    pixels[(0, 1), :, (0, 1)] = (corners + _corner(seen, size_px)).T
+    slopes = np.stack([_slopes(camera, size_px, each)[:, axis] for axis, each in enumerate(pixels)], axis=1)
+    more = (BEYOND - 1) / 2 * size / camera.focal_lengths_px
+    at_rim = corners == ((0, 0), size - 1)
+    return np.asarray(slopes + at_rim * np.stack([-more, more]))
 
 
-def _distance(answers: Answers, px_per_mm: float, middle_mm: float, width_px: int) -> float:
-    """Distance from the pupil to the surface (mm), from the camera calibration or else from the answers."""
-    if answers.camera is None:
-        return answers.distance_mm
-    focal_px = answers.camera.focal_lengths_px[0]
-    if answers.camera.model == 'fisheye':
-        half = width_px / 2
-        focal_px = half / math.tan(min(half / focal_px, 1.5))
-    found = focal_px / px_per_mm + middle_mm
-    if answers.distance_mm and abs(answers.distance_mm / found - 1) > 2 * SAME:
-        raise ConfigurationError(
-            f'from its calibration and the width that is seen, the lens is {found:.1f} mm away, but '
-            f'{answers.distance_mm:g} mm were given; check both, or leave one out'
-        )
-    return found
-
-
-def _pattern(seen: Understood, px_per_mm: float, area_mm2: float) -> PatternDescription:
-    """The visible pattern, in millimetres."""
+def _pattern(seen: Understood, sensor: Sensor) -> PatternDescription:
+    """The visible pattern, in millimetres, of a sensor that is described otherwise."""
     if seen.dots is not None:
-        wide = round(seen.dots.diameter_px / px_per_mm, 3)
-        pitch = round(seen.dots.pitch_px / px_per_mm, 3)
-        return PatternDescription('dots', 1, (wide, wide), pitch, seen.dots.dark)
-    shown, free = marks(seen.picture), ~seen.covered
+        size_px = sensor.image.width, sensor.image.height
+        below_mm = -sensor.camera.position_mm[2] - View(sensor).middle_mm
+        pitch = _pitch(seen, sensor.camera, size_px) * below_mm
+        wide = round(seen.dots.diameter_px / seen.dots.pitch_px * pitch, 3)
+        return PatternDescription('dots', 1, (wide, wide), round(pitch, 3), seen.dots.dark)
+    shown, free, px_per_mm = marks(seen.picture), ~seen.covered, View(sensor).px_per_mm
     dark = float(np.mean(shown[free] ** 3)) < 0
     variance = mark_px(seen.picture, free) ** 2 - 1 / 12 - LENS_PX**2
     wide = round(4 * math.sqrt(max(variance, LEAST_RADIUS_PX**2 / 4)) / px_per_mm, 3)
     per_mm2 = float(peaks(seen.picture, dark=dark)[free].mean()) * px_per_mm**2
-    return PatternDescription('spheres', max(1, round(per_mm2 * area_mm2)), (wide, wide), 2.0, dark)
+    count = max(1, round(per_mm2 * sensor.gel.width_mm * sensor.gel.height_mm))
+    return PatternDescription('spheres', count, (wide, wide), 2.0, dark)
 
 
 def _mask(seen: Understood, size_px: tuple[int, int]) -> MaskSettings:
-    """The mask in the camera's full picture. The cropped picture is its middle."""
+    """The mask in the camera's full picture."""
     if not seen.covered.any():
         return MaskSettings()
     mask = np.zeros(size_px[::-1], bool)
     height, width = seen.covered.shape
-    x, y = (size_px[0] - width) // 2, (size_px[1] - height) // 2
+    x, y = _corner(seen, size_px).tolist()
     mask[y : y + height, x : x + width] = seen.covered
     return MaskSettings(polygons_of(mask))

@@ -170,10 +170,11 @@ def test_a_black_picture_is_judged_by_its_light_alone(sensor: Sensor) -> None:
 
 
 def test_the_width_is_that_of_the_whole_picture_though_only_its_middle_is_used(membrane: np.ndarray) -> None:
-    """640 px at 26 px a millimetre, 19.65 mm away: a focal length of 511 px."""
+    """640 px that are 25 mm of the surface, 20 mm away: a focal length of 512 px, however deep the pattern is."""
     middle = understood(np.ascontiguousarray(membrane[:, 80:560]))
-    sensor = describe(middle, Answers('mine', 640 / 26), (640, 480))
-    assert sensor.camera.focal_px[0] == pytest.approx(26 * 19.65)
+    for markers_mm in ((0.2, 0.5), (1.5, 4.0)):
+        sensor = describe(middle, Answers('mine', 25.0, markers_mm=markers_mm), (640, 480))
+        assert sensor.camera.focal_px[0] == pytest.approx(512)
 
 
 @pytest.mark.parametrize(
@@ -190,9 +191,10 @@ def test_the_width_is_that_of_the_whole_picture_though_only_its_middle_is_used(m
 def test_a_grid_that_no_description_holds_is_bad(
     across: tuple[float, float], down: tuple[float, float], fault: str
 ) -> None:
-    """Of 400 px that are 20 mm: 20 px a millimetre."""
+    """Of 400 px that are 20 mm of the pattern, and a little more of the surface above it: 20 px a millimetre."""
     picture = grid(across, down)
-    sensor = describe(understood(picture), Answers('it', 20.0, markers_mm=(0.3, 0.4)), (400, 300))
+    answers = Answers('it', 20.0 * 20.0 / 19.65, markers_mm=(0.3, 0.4))
+    sensor = describe(understood(picture), answers, (400, 300))
     (dots,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.subject == 'dots')
     assert dots.level == BAD
     assert fault in dots.text
@@ -307,15 +309,15 @@ def test_a_picture_of_another_size_is_refused_by_its_name(membrane: np.ndarray) 
 
 
 def test_a_description_made_of_a_picture_is_that_which_it_was_simulated_from(printed: list[np.ndarray]) -> None:
-    """320 px at 17.3 px a millimetre are 18.5 mm; 2.5 mm from dot to dot, of 1 mm."""
+    """320 px are 18.82 mm, 20 mm from a lens of 340 px; 2.5 mm from dot to dot, of 1 mm."""
     seen = understood(printed[0])
-    sensor = describe(seen, Answers('again', 18.5, markers_mm=(0.3, 0.4)), (320, 240))
+    sensor = describe(seen, Answers('again', 18.82, markers_mm=(0.3, 0.4)), (320, 240))
     assert sensor.pattern.kind == 'dots'
     assert sensor.pattern.dark
     assert sensor.pattern.pitch_mm == pytest.approx(2.5, rel=0.02)
     assert sensor.pattern.diameter_mm[0] == pytest.approx(1.0, rel=0.08)
     assert sensor.camera.focal_px[0] == pytest.approx(340, rel=0.01)
-    assert sensor.gel.width_mm == pytest.approx(18.5 * 1.05, abs=0.2)
+    assert sensor.gel.width_mm == pytest.approx(18.82 * 1.05, abs=0.2)
     assert {each.level for each in Inspection(sensor, {'a': printed[0]}).findings} == {OK}
 
 
@@ -329,27 +331,31 @@ def test_dots_are_found_where_they_are_printed() -> None:
         'dots are 1.1 mm off the described positions, so forces are reported at the wrong places: set '
         'pattern.dot_mm to [0.5, -1.0]'
     ]
-    again = describe(understood(rest), Answers('again', 18.5, markers_mm=(0.3, 0.4)), (320, 240))
+    again = describe(understood(rest), Answers('again', 18.82, markers_mm=(0.3, 0.4)), (320, 240))
     assert again.pattern.dot_mm == pytest.approx((0.5, -1.0), abs=0.05)
 
 
 def test_a_calibrated_camera_and_the_width_say_how_far_away_it_is(membrane: np.ndarray) -> None:
-    """512 px of focal length at 26 px a millimetre are 19.7 mm to the pattern, which lies 0.35 mm deep."""
-    calibrated = Answers('membrane', 640 / 26, distance_mm=0.0, camera=MEMBRANE.camera)
+    """25 mm of the surface fill 640 px, and 512 px are the focal length: 20 mm."""
+    calibrated = Answers('membrane', 25.0, distance_mm=0.0, camera=MEMBRANE.camera)
     sensor = describe(understood(membrane), calibrated, (640, 480))
-    assert sensor.camera.position_mm[2] == pytest.approx(-(512 / 26 + 0.35), abs=0.01)
+    assert sensor.camera.position_mm[2] == pytest.approx(-20, abs=0.01)
     with pytest.raises(ConfigurationError, match=r'the lens is 20.0 mm away, but 40 mm were given'):
         describe(understood(membrane), replace(calibrated, distance_mm=40.0), (640, 480))
     fisheye = CameraDescription('fisheye', focal_px_per_rad=320.0)
     round_about = describe(understood(membrane), replace(calibrated, camera=fisheye), (640, 480))
-    assert round_about.camera.position_mm[2] == pytest.approx(-(320 / math.tan(1) / 26 + 0.35), abs=0.01)
+    assert round_about.camera.position_mm[2] == pytest.approx(-12.5 / math.tan(1), abs=0.01)
+    # Of a lens of 640 px with k1 = -0.1, 320 px are a slope of s - 0.1 s³ = 0.5: s = 0.51354.
+    bent = replace(MEMBRANE.camera, focal_px=(640.0, 640.0), distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    barrel = describe(understood(membrane), replace(calibrated, camera=bent), (640, 480))
+    assert barrel.camera.position_mm[2] == pytest.approx(-12.5 / 0.51354, abs=0.01)
 
 
 def test_a_gel_whose_rim_is_seen_lies_where_it_is_seen(membrane: np.ndarray) -> None:
     """Only the left half shows gel: 12.3 of 24.6 mm, and 0.6 mm beyond the left rim; its middle is 6.5 mm left."""
     half = membrane.copy()
     half[:, 320:] = 3
-    sensor = describe(understood(half), Answers('half', 640 / 26), (640, 480))
+    sensor = describe(understood(half), Answers('half', 24.6), (640, 480))
     assert sensor.gel.width_mm == pytest.approx(12.9, abs=0.6)
     assert sensor.camera.position_mm[0] == pytest.approx(6.5, abs=0.4)
     assert sensor.covered[:, 340:].all()
@@ -357,7 +363,7 @@ def test_a_gel_whose_rim_is_seen_lies_where_it_is_seen(membrane: np.ndarray) -> 
 
 def test_answers_that_contradict_the_picture_are_refused(membrane: np.ndarray, printed: list[np.ndarray]) -> None:
     dots = understood(printed[0])
-    with pytest.raises(ConfigurationError, match=r'means 17.3 px per mm, but the given pitch of 1 mm means 43\.'):
+    with pytest.raises(ConfigurationError, match=r'means 17.6 px per mm, but the given pitch of 1 mm means 43\.'):
         describe(dots, Answers('x', 18.5, 1.0), (320, 240))
     with pytest.raises(ConfigurationError, match='a pitch was given, but the image shows no dots in rows and columns'):
         describe(understood(membrane), Answers('x', 25.0, 1.0), (640, 480))
