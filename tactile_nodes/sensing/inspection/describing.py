@@ -11,6 +11,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.elasticity.rays import dot_place_mm
 from tactile_nodes.sensing.elasticity.view import View, camera_of
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
+from tactile_nodes.sensing.inspection.markers import markers_of
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
 from tactile_nodes.sensors import (
     BinSettings,
@@ -251,7 +252,7 @@ def _pattern(seen: Understood, sensor: Sensor) -> PatternDescription:
     dark = float(np.mean(shown[free] ** 3)) < 0
     variance = mark_px(seen.picture, free) ** 2 - 1 / 12 - LENS_PX**2
     wide = round(4 * math.sqrt(max(variance, LEAST_RADIUS_PX**2 / 4)) / px_per_mm, 3)
-    per_mm2 = float(peaks(seen.picture, dark=dark)[free].mean()) * px_per_mm**2
+    per_mm2 = markers_of(float(peaks(seen.picture, dark=dark)[free].mean())) * px_per_mm**2
     count = max(1, round(per_mm2 * sensor.gel.width_mm * sensor.gel.height_mm))
     return PatternDescription('spheres', count, (wide, wide), 2.0, dark)
 

@@ -17,8 +17,9 @@ from tactile_nodes.shapes import Bool, UInt8
 CLEAR = 0.5
 """Skewness above which markers are surely bright, or below its negative dark. Simulated markers have 1.3 to 1.7."""
 
-MOST_PEAKS = 0.03
-"""Largest number of distinct peaks per pixel, for any number of markers: 0.028 to 0.031 on the three simulated."""
+MOST_PEAKS, MOST_MERGED = 0.03, 0.75
+"""Largest number of distinct peaks per pixel, for any number of markers: 0.028 to 0.031 on the three simulated. Beyond
+the second, as a share of it, peaks do not tell how many markers there are."""
 
 OTHER, WHOLLY_OTHER = 2.5, 8.0
 """Ratio of found to described markers, or its inverse, that needs a check, and that means another pattern."""
@@ -115,6 +116,11 @@ class Markers:
     def _sharp_px(self) -> float:
         """Width of described markers with a good lens. The variance of a disc is a quarter of its squared radius."""
         return math.sqrt(self.view.marker_radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
+
+
+def markers_of(peaks: float) -> float:
+    """Markers per pixel from peaks per pixel: close markers merge into one peak, so 0.015 peaks are 0.03 markers."""
+    return peaks / (1 - min(peaks / MOST_PEAKS, MOST_MERGED))
 
 
 def beside(within: Bool[np.ndarray, 'h w']) -> Bool[np.ndarray, 'h w']:

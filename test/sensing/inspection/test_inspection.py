@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import cv2
@@ -175,6 +176,16 @@ def test_the_width_is_that_of_the_whole_picture_though_only_its_middle_is_used(m
     for markers_mm in ((0.2, 0.5), (1.5, 4.0)):
         sensor = describe(middle, Answers('mine', 25.0, markers_mm=markers_mm), (640, 480))
         assert sensor.camera.focal_px[0] == pytest.approx(512)
+
+
+def test_a_picture_is_described_with_as_many_markers_as_it_was_simulated_with(membrane: np.ndarray) -> None:
+    """18.9 per mm², of which 10.4 are seen one by one."""
+    sensor = describe(understood(membrane), Answers('mine', 25.0), (640, 480))
+    per_mm2 = sensor.pattern.count / (sensor.gel.width_mm * sensor.gel.height_mm)
+    assert per_mm2 == pytest.approx(9000 / (25 * 19), rel=0.2)
+    (pattern,) = (each for each in Inspection(sensor, {'a': membrane}).findings if each.subject == 'pattern')
+    found, expected = re.findall(r'([\d.]+)(?: per mm² found| expected)', pattern.text)
+    assert float(found) == pytest.approx(float(expected), rel=0.05)
 
 
 @pytest.mark.parametrize(
