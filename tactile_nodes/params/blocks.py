@@ -141,15 +141,14 @@ def _build(block: Any, prefix: str, values: Mapping[str, object], source: str, e
 
 def _checked(name: str, hint: Any, facts: Mapping[str, Any], written: object, source: str, exact: bool) -> object:
     value = written.value if isinstance(written, Located) else written
+    low, high, choices = facts.get('minimum'), facts.get('maximum'), facts.get('choices')
+    finite = high != math.inf
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, (list, tuple)):
             raise _at(written, source, f'{name!r} must be a list, got {value!r}')
         inner = typing.get_args(hint)[0]
-        return tuple(_of_type(name, inner, item, written, source, exact) for item in value)
-    value = _of_type(name, hint, value, written, source, exact)
-    low, high, choices = facts.get('minimum'), facts.get('maximum'), facts.get('choices')
-    if isinstance(value, float) and math.isinf(value) and high != math.inf:  # such a limit would limit nothing
-        raise _at(written, source, f'{name!r} must be finite, got {value!r}')
+        return tuple(_of_type(name, inner, item, written, source, exact, finite) for item in value)
+    value = _of_type(name, hint, value, written, source, exact, finite)
     if choices is not None and value not in choices:
         raise _at(written, source, f'{name!r} must be one of {", ".join(map(repr, choices))}, got {value!r}')
     if (low is not None and not typing.cast(float, value) >= low) or (
@@ -159,9 +158,11 @@ def _checked(name: str, hint: Any, facts: Mapping[str, Any], written: object, so
     return value
 
 
-def _of_type(name: str, hint: Any, value: object, written: object, source: str, exact: bool) -> object:
+def _of_type(name: str, hint: Any, value: object, written: object, source: str, exact: bool, finite: bool) -> object:
     if isinstance(value, float) and math.isnan(value):  # no comparison with it would hold a limit
         raise _at(written, source, f'{name!r} must be a number, got {value!r}')
+    if finite and isinstance(value, float) and math.isinf(value):  # such a limit would limit nothing
+        raise _at(written, source, f'{name!r} must be finite, got {value!r}')
     if isinstance(value, str) and '\0' in value:  # no path and no name can hold it
         raise _at(written, source, f'{name!r} must not contain a NUL character, got {value!r}')
     if type(value) is hint:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.params import Located, from_mapping, load_mapping, to_values
+from tactile_nodes.params import Located, from_mapping, load_mapping
 from tactile_nodes.paths import described_in
 from tactile_nodes.sensors.camera_file import read_camera_file
-from tactile_nodes.sensors.covering import MaskSettings, mask_of
+from tactile_nodes.sensors.covering import mask_of
 from tactile_nodes.sensors.description import Sensor
 from tactile_nodes.sensors.mounting import Mounting
 
@@ -38,7 +37,6 @@ def load_sensor(name: Path | str) -> Sensor:
     values = _calibrated(written, file)
     values.pop(MASK, None)
     sensor = from_mapping(Sensor, values, source=str(file), exact=False)
-    _require_finite(sensor, str(file))
     for kind in (sensor.camera.model, sensor.pattern.kind):
         for key in filter(written.__contains__, OF_OTHERS[kind]):
             text = f'{key!r} has no effect with {kind!r}; remove it, or correct camera.model or pattern.kind'
@@ -47,14 +45,11 @@ def load_sensor(name: Path | str) -> Sensor:
         return sensor
     if sensor.mask.polygons_px:
         raise ConfigurationError(f'{file}: it has both mask.file and mask.polygons_px; remove one')
-    return masked(sensor, mask_of(_beside(file, MASK, written), sensor.image.width, sensor.image.height), str(file))
-
-
-def _require_finite(sensor: Sensor, source: str) -> None:
-    for name, value in to_values(sensor).items():
-        numbers = value if isinstance(value, list) else [value]
-        if not all(math.isfinite(number) for number in numbers if isinstance(number, float)):
-            raise ConfigurationError(f'{source}: {name} must be finite, got {value}')
+    try:
+        mask = mask_of(_beside(file, MASK, written), sensor.image.width, sensor.image.height)
+        return replace(sensor, mask=mask)
+    except ValueError as error:
+        raise ConfigurationError(f'{file}: {error}') from error
 
 
 def mounting_of(name: Path | str) -> Mounting:
@@ -64,14 +59,6 @@ def mounting_of(name: Path | str) -> Mounting:
         ConfigurationError: as `load_sensor`.
     """
     return load_sensor(name).frame if name else Mounting()
-
-
-def masked(sensor: Sensor, mask: MaskSettings, source: str) -> Sensor:
-    """A sensor with a mask. Raises ConfigurationError: it covers everything."""
-    try:
-        return replace(sensor, mask=mask)
-    except ValueError as error:
-        raise ConfigurationError(f'{source}: {error}') from error
 
 
 def _beside(file: Path, key: str, written: Mapping[str, Located]) -> Path:

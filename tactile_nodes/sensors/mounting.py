@@ -17,7 +17,7 @@ class Mounting:
     """The surface frame in its parent frame. Roll, pitch and yaw turn about the parent's fixed axes, as in URDF.
 
     Raises:
-        ValueError: a name is not valid in ROS, a frame is its own parent, or three finite numbers are missing.
+        ValueError: a name is not valid in ROS, a frame is its own parent, or three numbers are missing.
     """
 
     id: str = parameter('gel_surface', 'name of the surface frame in messages')
@@ -30,8 +30,8 @@ class Mounting:
     def __post_init__(self) -> None:
         for name in ('position_mm', 'rpy_deg'):
             given = getattr(self, name)
-            if len(given) != 3 or not all(map(math.isfinite, given)):
-                raise ValueError(f'frame.{name} must hold 3 finite numbers, got {list(given)}')
+            if len(given) != 3:
+                raise ValueError(f'frame.{name} must hold 3 numbers, got {list(given)}')
         for name, frame in (('id', self.id), ('parent', self.parent)):
             if frame.startswith('/') or any(map(str.isspace, frame)):
                 raise ValueError(f'frame.{name} is {frame!r}; names of frames have no spaces and no leading slash')

@@ -18,14 +18,9 @@ if TYPE_CHECKING:
 
 FOUND = 'found in the picture'
 OF_PICTURE = (
-    'pattern.kind',
-    'pattern.count',
-    'pattern.diameter_mm',
-    'pattern.pitch_mm',
-    'pattern.dark',
-    'pattern.dot_mm',
+    'pattern.kind', 'pattern.count', 'pattern.diameter_mm', 'pattern.pitch_mm', 'pattern.dark', 'pattern.dot_mm',
     'mask.polygons_px',
-)
+)  # fmt: skip
 OF_CALIBRATION = 'focal_px', 'focal_px_per_rad', 'focal_ratio', 'distortion', 'centre_px'
 
 

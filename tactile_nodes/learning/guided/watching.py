@@ -56,7 +56,8 @@ class Watch:
         self._size = width, height
         encoding = make_encoding('cartesian_mean', {**regions, 'texture_grey': NO_TEXTURE} if dots else regions)
         self._rest = Measuring(flow, encoding).beside(self._cut(average(rests)))
-        places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
+        sides_mm = sensor.gel.width_mm, sensor.gel.height_mm
+        places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in sides_mm)), axis=-1)
         seen = View(sensor).shares_of(places.reshape(-1, 2))
         self._usable = Regions(sensor, REGIONS, REGIONS).usable.reshape(REGIONS, REGIONS)
         self._drifted_px = np.zeros((REGIONS, REGIONS, 2), np.float32)
@@ -104,7 +105,3 @@ def _most(motion: Float[np.ndarray, 'rows cols 2']) -> float:
 
 def _with_one(values: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 3']:
     return np.column_stack([values, np.ones(len(values))])
-
-
-def _sides(sensor: Sensor) -> tuple[float, float]:
-    return sensor.gel.width_mm, sensor.gel.height_mm

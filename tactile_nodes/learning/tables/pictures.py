@@ -44,15 +44,13 @@ class FolderPictures:
     def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
         for row in rows:
             with faults.row(row.line):
-                self._require_file(row.picture)
-
-    def _require_file(self, name: str) -> None:
-        if not name:
-            raise DatasetError('names no image; times need a video, given with --pictures')
-        try:
-            check_size(self.folder / name, PICTURE_BYTES)
-        except OSError as error:
-            raise DatasetError(f'cannot read the image {self.folder / name} ({error.strerror})') from error
+                if not row.picture:
+                    raise DatasetError('names no image; times need a video, given with --pictures')
+                file = self.folder / row.picture
+                try:
+                    check_size(file, PICTURE_BYTES)
+                except OSError as error:
+                    raise DatasetError(f'cannot read the image {file} ({error.strerror})') from error
 
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
         for row in rows:

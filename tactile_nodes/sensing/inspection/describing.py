@@ -11,7 +11,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.elasticity.rays import dot_place_mm
 from tactile_nodes.sensing.elasticity.view import View, camera_of
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
-from tactile_nodes.sensing.inspection.markers import markers_of
+from tactile_nodes.sensing.inspection.markers import LENS_PX, markers_of
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
 from tactile_nodes.sensors import (
     BinSettings,
@@ -34,7 +34,6 @@ BEYOND = 1.05
 BIN_MM = 2.7
 """Width of a bin, similar to the simulated sensors."""
 
-LENS_PX = 0.6
 LEAST_RADIUS_PX = 0.5
 SAME = 0.1
 """Allowed relative difference of two estimates of one length."""
