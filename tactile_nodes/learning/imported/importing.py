@@ -151,7 +151,10 @@ def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
     for row in table.rows:
         with faults.row(row.line):
             if row.touches and not np.isfinite((row.x_mm, row.y_mm, row.force_n)).all():
-                raise DatasetError('a press needs x, y and force: put a known weight on a mark, or leave the row out')
+                raise DatasetError(
+                    'a press needs x, y and force: put a known weight on a mark, or leave the row out; if it shows the '
+                    'untouched gel, its force is 0, or noise of a gauge: --untouched-below N'
+                )
     require_seen(table.rows, sensor, faults)
     source.pictures.require(table.rows, faults)
     faults.require_none()

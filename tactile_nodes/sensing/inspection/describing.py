@@ -152,13 +152,9 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
             bins=BinSettings(*(min(64, max(2, round(side / BIN_MM))) for side in (high_mm, wide_mm))),
             mask=_mask(seen, size_px),
         )  # fmt: skip
-        sensor = replace(sensor, pattern=_pattern(seen, sensor))
+        return replace(sensor, pattern=_pattern(seen, sensor))
     except ValueError as error:
         raise ConfigurationError(f'the answers contradict each other: {error}') from error
-    if seen.dots is None:
-        return sensor
-    at = dot_place_mm(View(sensor), seen.dots.centres_px)
-    return replace(sensor, pattern=replace(sensor.pattern, dot_mm=tuple(round(each, 2) + 0.0 for each in at)))
 
 
 def _placed(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> tuple[CameraDescription, float]:
@@ -246,7 +242,9 @@ def _pattern(seen: Understood, sensor: Sensor) -> PatternDescription:
         below_mm = -sensor.camera.position_mm[2] - View(sensor).middle_mm
         pitch = _pitch(seen, sensor.camera, size_px) * below_mm
         wide = round(seen.dots.diameter_px / seen.dots.pitch_px * pitch, 3)
-        return PatternDescription('dots', 1, (wide, wide), round(pitch, 3), seen.dots.dark)
+        pattern = PatternDescription('dots', 1, (wide, wide), round(pitch, 3), seen.dots.dark)
+        at = dot_place_mm(View(replace(sensor, pattern=pattern)), seen.dots.centres_px)
+        return replace(pattern, dot_mm=tuple(round(each, 2) + 0.0 for each in at))
     shown, free, px_per_mm = marks(seen.picture), ~seen.covered, View(sensor).px_per_mm
     dark = float(np.mean(shown[free] ** 3)) < 0
     variance = mark_px(seen.picture, free) ** 2 - 1 / 12 - LENS_PX**2

@@ -218,7 +218,7 @@ def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
     [
         (each(put(3, lambda _: '0.3')), 'has one force for all presses, 0.3 N: press with at least two weights'),
         (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces must be below 200 N; check the unit'),
-        (each(put(1, lambda _: '')), 'a press needs x, y and force'),
+        (each(put(1, lambda _: '')), 'or noise of a gauge: --untouched-below N'),
         (edited(lambda rows: rows[6].__setitem__(0, 'gone.png')), 'line 8: cannot read the image'),
         (edited(lambda rows: rows.__delitem__(slice(RESTS))), 'has no image of the untouched gel'),
         (edited(lambda rows: rows.__delitem__(slice(RESTS, None))), 'has no press, all forces are 0'),
