@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--untouched-below', type=float, default=0.0, metavar='N', help='forces up to this value count as no contact'
     )
     parser.add_argument(
-        '--force', action='store_true', help='accept tables whose positions or forces contradict the pictures'
+        '--force', action='store_true', help='accept tables that contradict the pictures, and dots for a texture flow'
     )
     methods.add_arguments(parser)
 

@@ -266,7 +266,7 @@ class Inspection:
         others = np.flatnonzero(~still)
         return (
             f'{len(others)} of {len(still)} images, such as {self._names[others[0]]}, differ from the others by more '
-            'than noise: something touches the gel in some of them; give images of the untouched gel only'
+            'than noise: something touches the gel in some, or compression changes them; give the untouched gel only'
         )
 
     @cached_property
