@@ -23,12 +23,8 @@ PATTERNS = 'auto', 'dots', 'spheres'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        'pictures',
-        nargs='+',
-        metavar='SOURCE',
-        help='pictures of the untouched gel: files, folder, video, camera',
-    )
+    what = 'pictures of the untouched gel: files, folder, video, camera'
+    parser.add_argument('pictures', nargs='+', metavar='SOURCE', help=what)
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE.yaml', help='description to write')
     parser.add_argument(
         '--width', type=positive_float, metavar='MM', help='width of the whole picture at the surface of the gel'

@@ -30,6 +30,7 @@ NEAR = 0.2
 
 STAGGERED = 'they are staggered or in diagonal rows'
 PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
+FEW_HELP = 'check light and focus; if a part has no dots, mask it, or forces are reported at the wrong places'
 NO_GRID = (
     '; a description supports rows and columns at right angles only, with equal distances, and nearly parallel to '
     'the sides of the image'
@@ -67,7 +68,9 @@ def _count(found: str, count: int, wanted: int) -> Finding:
     if DOTS_FOUND * count > wanted:
         level = BAD if MORE * wanted < count else LOOK
         return Finding('dots', level, f'{found}: check pattern.pitch_mm and the size of the gel')
-    return Finding('dots', OK if count >= DOTS_FOUND * wanted else LOOK, found)
+    if count < DOTS_FOUND * wanted:
+        return Finding('dots', LOOK, f'{found}: {FEW_HELP}')
+    return Finding('dots', OK, found)
 
 
 def _no_grid(view: View, dots: Dots) -> str:

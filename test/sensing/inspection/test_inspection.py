@@ -178,6 +178,15 @@ def test_the_width_is_that_of_the_whole_picture_though_only_its_middle_is_used(m
         assert sensor.camera.focal_px[0] == pytest.approx(512)
 
 
+def test_a_part_without_dots_is_to_be_masked(printed: list[np.ndarray]) -> None:
+    """Ten of 35 dots are missing, in the columns at the left and the right."""
+    rest = printed[0].copy()
+    rest[:, :60] = rest[:, -60:] = np.median(rest)
+    (dots,) = (each for each in Inspection(DOTS, {'a': rest}).findings if each.subject == 'dots')
+    assert dots.level == LOOK and '25 dark dots found, 35 described' in dots.text
+    assert 'if a part has no dots, mask it, or forces are reported at the wrong places' in dots.text
+
+
 def test_a_picture_is_described_with_as_many_markers_as_it_was_simulated_with(membrane: np.ndarray) -> None:
     """18.9 per mm², of which 10.4 are seen one by one."""
     sensor = describe(understood(membrane), Answers('mine', 25.0), (640, 480))
