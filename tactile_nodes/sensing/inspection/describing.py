@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -138,7 +139,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
     height, width = seen.picture.shape
     try:
         camera, away_mm = _placed(seen, answers, size_px)
-        low, high = away_mm * _seen_slopes(seen, camera, size_px)
+        low, high = _seen_mm(seen, camera, size_px, [away_mm - each for each in answers.markers_mm])
         wide_mm, high_mm = (math.ceil(10 * side) / 10 for side in (high - low).tolist())
         x_mm, y_mm = (-np.round((low + high) / 2, 1) + 0.0).tolist()
         sensor = Sensor(
@@ -218,12 +219,12 @@ def _corner(seen: Understood, size_px: tuple[int, int]) -> Int[np.ndarray, ' 2']
     return np.asarray((np.array(size_px) - seen.picture.shape[::-1]) // 2)
 
 
-def _seen_slopes(
-    seen: Understood, camera: CameraDescription, size_px: tuple[int, int]
+def _seen_mm(
+    seen: Understood, camera: CameraDescription, size_px: tuple[int, int], pattern_mm: Sequence[float]
 ) -> Float[np.ndarray, 'corners 2']:
-    """Upper left and lower right corner of the uncovered part, at a distance of 1 along the optical axis.
+    """Upper left and lower right corner (mm from the optical axis) of the gel, of whose rim the lower end is seen.
 
-    At the rim of the picture the gel is assumed to extend a little further.
+    `pattern_mm` are the ends' distances. At the rim of the picture the gel is assumed to extend a little further.
     """
     free, size = np.argwhere(~seen.covered)[:, ::-1], np.array(seen.picture.shape[::-1])
     corners = np.stack([free.min(axis=0), free.max(axis=0)])
@@ -232,7 +233,7 @@ def _seen_slopes(
     slopes = np.stack([_slopes(camera, size_px, each)[:, axis] for axis, each in enumerate(pixels)], axis=1)
     more = (BEYOND - 1) / 2 * size / camera.focal_lengths_px
     at_rim = corners == ((0, 0), size - 1)
-    return np.asarray(slopes + at_rim * np.stack([-more, more]))
+    return np.asarray(np.where(at_rim, *pattern_mm) * (slopes + at_rim * np.stack([-more, more])))
 
 
 def _pattern(seen: Understood, sensor: Sensor) -> PatternDescription:

@@ -337,7 +337,7 @@ def test_a_description_made_of_a_picture_is_that_which_it_was_simulated_from(pri
     assert sensor.pattern.pitch_mm == pytest.approx(2.5, rel=0.02)
     assert sensor.pattern.diameter_mm[0] == pytest.approx(1.0, rel=0.08)
     assert sensor.camera.focal_px[0] == pytest.approx(340, rel=0.01)
-    assert sensor.gel.width_mm == pytest.approx(18.82 * 1.05, abs=0.2)
+    assert sensor.gel.width_mm == pytest.approx(18.82 * 1.05 * 19.7 / 20, abs=0.2)
     assert {each.level for each in Inspection(sensor, {'a': printed[0]}).findings} == {OK}
 
 
@@ -379,6 +379,11 @@ def test_a_gel_whose_rim_is_seen_lies_where_it_is_seen(membrane: np.ndarray) -> 
     assert sensor.gel.width_mm == pytest.approx(12.9, abs=0.6)
     assert sensor.camera.position_mm[0] == pytest.approx(6.5, abs=0.4)
     assert sensor.covered[:, 340:].all()
+    # Three quarters: at the right 6.25 mm of the surface, but what is seen there lies 4 mm deep, 16 of 20 mm away.
+    most = membrane.copy()
+    most[:, 480:] = 3
+    deep = describe(understood(most), Answers('deep', 25.0, markers_mm=(1.5, 4.0)), (640, 480))
+    assert deep.gel.width_mm == pytest.approx(1.05 * 12.5 * 18.5 / 20 + 6.25 * 16 / 20, abs=0.5)
 
 
 def test_answers_that_contradict_the_picture_are_refused(membrane: np.ndarray, printed: list[np.ndarray]) -> None:
