@@ -25,7 +25,7 @@ EPILOG = """\
 examples:
   tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter ball:5
   tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter punch:2   # same folder, another indenter
-  tactile press own --source /dev/video0 --sensor mine.yaml --presses 400 --forces 20 50 80  # to train from scratch
+  tactile press own --source /dev/video0 --sensor mine.yaml --presses 200 --forces 20 50 80  # to train from scratch
   tactile press tried --sensor speckle_membrane --indenter ball:5                      # a simulated hand, to try it out
 The commands to calibrate with these presses are printed at the end.
 """
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--unit', choices=list(UNITS), default='g', help='unit of the scale (default: g)')
     parser.add_argument(
         '--presses', type=positive_int, default=30, metavar='N',
-        help='number of presses with this indenter: 30 to calibrate (5 at least), 400 to train a model from scratch '
+        help='number of presses with this indenter: 30 to calibrate (5 at least), 200 to train a model from scratch '
         '(default: 30)',
     )  # fmt: skip
 

@@ -117,14 +117,14 @@ def test_a_model_of_too_few_presses_says_so_and_what_to_do(
     assert main(words_of(tmp_path, noise_px)) == 0
     printed = ' '.join(capsys.readouterr().out.split())
     assert ('warning: held-out presses are read' in printed) is warned
-    assert ('presses to train on are too few: record 400 or more in all, or calibrate' in printed) is warned
+    assert ('presses to train on are too few: record 200 or more in all, or calibrate' in printed) is warned
     assert ('tactile calibrate --dataset presses.npz --model portable' in printed) is warned
 
 
 def test_as_many_presses_as_tactile_press_advises_are_not_called_too_few(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    assert main(words_of(tmp_path, 0.15, presses=460)) == 0  # some show the untouched gel
+    assert main(words_of(tmp_path, 0.15, presses=235)) == 0  # some show the untouched gel
     assert 'presses to train on usually do better: check places and forces' in ' '.join(capsys.readouterr().out.split())
 
 

@@ -35,7 +35,7 @@ from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 
-USUAL_PRESSES, LEFT = 400, 280
+USUAL_PRESSES, LEFT = 200, 140
 """Number of recorded presses that gives a useful model, and how many of them the splits leave to train on."""
 CALIBRATE = (
     'calibrate a model of another gel, which takes ten to a hundred presses with the features of that model: tactile '
