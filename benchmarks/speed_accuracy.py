@@ -96,7 +96,7 @@ def panel(axis: Any, name: str, result: Mapping[str, Any]) -> list[Any]:
     if name == CONTACTS:
         axis.axvline(result['dis_ms'], color='grey', linestyle=':', label="OpenCV's DIS (medium) alone")
     labels = _models(axis, marks, [*others, *((each.time_ms, each.error) for each in marks)])
-    _legend(axis, marks)
+    _legend(axis, name)
     return labels
 
 
@@ -220,10 +220,9 @@ def _around(place: Place, half: float) -> Any:
     return Bbox([[x - half, y - half], [x + half, y + half]])
 
 
-def _legend(axis: Any, marks: Sequence[Mark]) -> None:
-    """Draw the legend of the marks."""
-    tips = not any(each.slow_ms for each in marks)
-    if tips:
+def _legend(axis: Any, name: str) -> None:
+    """Draw the legend of a panel's marks."""
+    if name == TIPS:
         kinds = {
             'shipped model, trained on more presses': ('*', 13, 'black'),
             'the same, compiled': ('*', 13, 'white'),
@@ -238,7 +237,7 @@ def _legend(axis: Any, marks: Sequence[Mark]) -> None:
         axis.plot([], [], 'k-', linewidth=1, label='up to the 95th percentile')
     for label, (marker, size, colour) in kinds.items():
         axis.plot([], [], marker, markersize=size, markerfacecolor=colour, markeredgecolor='black', label=label)
-    if tips:
+    if name == TIPS:
         title = 'grey: flow and readout alone, with the same training'
         axis.legend(fontsize=9, title=title, title_fontsize=9, ncols=2, loc='center right', bbox_to_anchor=(1.0, 0.48))
     else:

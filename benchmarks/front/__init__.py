@@ -86,7 +86,13 @@ def _plan(arguments: argparse.Namespace) -> Plan:
 BENCHMARK = Benchmark(
     name='front',
     about=__doc__,
-    sources=('benchmarks/front/**', 'tactile_nodes/learning/**', *SENSING, *SIMULATED),
+    sources=(
+        'benchmarks/front/**',
+        'benchmarks/stability/chain.py',
+        'tactile_nodes/learning/**',
+        *SENSING,
+        *SIMULATED,
+    ),
     page=page,
     measure=measured,
     draw=draw,

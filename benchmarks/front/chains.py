@@ -34,7 +34,7 @@ SEED = 3_000_000
 def measure_chains(models: Sequence[tuple[str, bool]], plan: Plan, progress: Progress) -> list[dict[str, float]]:
     """Median and quartiles of the CPU time (ms) of a frame in contact for each model, compiled or not."""
     gel = Gel()
-    optics, presses = Optics(gel, contact_table(gel)), [press for press in tested_presses(plan) if press.depth_mm > 0]
+    optics, presses = Optics(gel, contact_table(gel)), [press for press in tested_presses(plan) if press.touching]
     chains = [(number, Chain(model, compiled=compiled)) for number, (model, compiled) in enumerate(models)]
     found: list[list[float]] = [[] for _ in chains]
     count = 0

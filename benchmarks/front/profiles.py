@@ -50,11 +50,6 @@ class Profile:
     answers: list[np.ndarray] = field(default_factory=list)
     rest: np.ndarray | None = None
 
-    @property
-    def model(self) -> str:
-        """The name of the model, compiled or not."""
-        return self.name.partition(',')[0]
-
     def __post_init__(self) -> None:
         self.encoding = make_encoding(*self.loaded.encoding)
         self.estimator = ForceEstimator(self.loaded.model, compiled=self.compiled)
@@ -109,7 +104,8 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
                 _take_floors(others, frame.image, frame.rest)
             bar.advance()
     known = np.array([frame.press for turn in turns for frame in turn], np.float32)
-    chains = measure_chains([(each.model, each.compiled) for each in taking_part], plan, progress)
+    models = [(each.name.partition(',')[0], each.compiled) for each in taking_part]
+    chains = measure_chains(models, plan, progress)
     return {
         'profiles': {
             each.name: {**_entry(each, known), 'chain_cpu_ms': chain}

@@ -84,9 +84,11 @@ class PlayerNode(Node):
             self._require_something()
             self._publishers = self._advertise()
             self._answers = dict.fromkeys(self._hear_answers(), 0)  # stamp of the last message (ns)
+            most_hz = load_hand(self.params.hand).fps if self.params.hand else self.params.most_hz
         except TactileError:
             self.reader.close()
             raise
+        self._apart_ns = NS_PER_S / most_hz if most_hz else 0
         self._last_images: dict[str, BagMessage] = {}  # by sensor
         self._transforms: dict[str, types.TransformStamped] = {}  # by child frame
         self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
@@ -227,13 +229,11 @@ class PlayerNode(Node):
 
     def _unanswered(self) -> list[str]:
         """The topics that have not come yet for the last image of their sensor."""
-        most_hz = load_hand(self.params.hand).fps if self.params.hand else self.params.most_hz
-        apart_ns = NS_PER_S / most_hz if most_hz else 0
         return [
             each.topic
             for each, answered_ns in self._answers.items()
             if (last := self._last_images.get(each.topic.rpartition('/')[0])) is not None
-            and answered_ns + apart_ns < stamp_ns(self.reader.decode(last).header.stamp)
+            and answered_ns + self._apart_ns < stamp_ns(self.reader.decode(last).header.stamp)
         ]
 
     def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> float:

@@ -236,7 +236,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     field_readout = described(sensor, scaling, progress).readout
     covered = np.flatnonzero(regions_of(sensor, scaling).covered).tolist()
     card = {
-        **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
+        **measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
         'crop_px': crop_of_size(sensor.image.crop_px),
         **Pressed(sensor).to_card({}),
         'gel': {'id': gel or sensor.name},
@@ -253,7 +253,7 @@ def _sees_alike(one: Sensor, other: Sensor) -> bool:
     return images == known
 
 
-def _measured_by(
+def measured_by(
     sensor: Sensor, source: Mapping[str, Any], regions: dict[str, int], covered: list[int]
 ) -> dict[str, Any]:
     """Flow and encoding: those of the source, or the flow by dots for printed ones, without texture weights."""

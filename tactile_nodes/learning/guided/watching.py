@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_nodes.learning.agreement.objections import middles
-from tactile_nodes.learning.field.calibration import NO_TEXTURE
+from tactile_nodes.learning.field.calibration import measured_by
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import make_encoding
@@ -23,6 +23,10 @@ UNTOUCHED, MOVING, STEADY = 'untouched', 'moving', 'steady'
 REGIONS = 10
 HELD = 8
 """Number of successive images that must agree for a press to count as held still."""
+OF_TEXTURE = {
+    'flow': {'name': 'inverse_compositional', 'options': {'finest_scale': 0}},
+    'encoding': {'name': 'cartesian_mean', 'options': {}},
+}
 LEAST_NOISE_PX = 0.01
 """Least noise of regions in images at rest, which is that of the simulated sensor. 20 g move them by 0.18 px,
 those of printed dots by 0.26 with a noise of 0.054."""
@@ -49,12 +53,10 @@ class Watch:
     def __init__(self, sensor: Sensor, rests: Sequence[UInt8[np.ndarray, 'h w']]) -> None:
         self._held = deque[np.ndarray](maxlen=HELD)
         regions = {'rows': REGIONS, 'cols': REGIONS}
-        dots = sensor.pattern.kind == 'dots'
-        fine = {**regions, 'finest_scale': 0}
-        flow = make_flow('dots', regions) if dots else make_flow('inverse_compositional', fine)
+        methods = measured_by(sensor, OF_TEXTURE, regions, [])
         width, height = (side // REGIONS * REGIONS for side in sensor.image.crop_px)
         self._size = width, height
-        encoding = make_encoding('cartesian_mean', {**regions, 'texture_grey': NO_TEXTURE} if dots else regions)
+        flow, encoding = make_flow(**methods['flow']), make_encoding(**methods['encoding'])
         self._rest = Measuring(flow, encoding).beside(self._cut(average(rests)))
         sides_mm = sensor.gel.width_mm, sensor.gel.height_mm
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in sides_mm)), axis=-1)
