@@ -1,4 +1,4 @@
-"""Bodies by name: a family ('ring'), a mesh file, a height map, or a list of these that moves as one."""
+"""Bodies by name: a family ('ring'), a radius ('ball:5'), a mesh file, heights, or a list of these that move as one."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from tactile_nodes.errors import ConfigurationError, from_extra, in_a_line
 from tactile_nodes.files import open_plain, read_plain
+from tactile_nodes.simulation.indenter import BALL, PUNCH, number
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.body import Body
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 MESHES = '.stl', '.obj', '.ply'
 HEIGHTS = '.npy'
 LARGEST_BYTES = 64 << 20
+ROUND = f'{BALL}:', f'{PUNCH}:'
 STEEPEST_DEG = 20.0
 """Height maps cannot hold undercuts, so their tilt is limited; a mesh may be turned by any angle."""
 
@@ -32,7 +34,7 @@ def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
     """The named body, or the bodies of a list as one, tilted.
 
     Raises:
-        ConfigurationError: there is no such family or file, or the file does not hold a body.
+        ConfigurationError: there is no such family or file, the file does not hold a body, or its radius is none.
     """
     from tactile_nodes.simulation.touch.body import Body
 
@@ -43,7 +45,9 @@ def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
     name = str(named)
     if is_mesh(name):
         return _mesh(Path(name), tilt_deg)
-    return _tilted(_heights(Path(name)) if name.endswith(HEIGHTS) else _family(name), tilt_deg)
+    if name.endswith(HEIGHTS):
+        return _tilted(_heights(Path(name)), tilt_deg)
+    return _tilted(_round(name) if name.startswith(ROUND) else _family(name), tilt_deg)
 
 
 def is_mesh(name: str) -> bool:
@@ -89,13 +93,31 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def _round(name: str) -> Body:
+    """A ball, or a flat punch with sharp edges, by its radius in mm: 'ball:5'."""
+    from tactile_nodes.simulation.touch.body import Body, grid
+    from tactile_nodes.simulation.touch.families import ball
+
+    shape, _, size = name.partition(':')
+    radius_mm = number(size)
+    if not 0 < radius_mm <= FARTHEST_MM / 2:
+        raise ConfigurationError(
+            f'{name} is not a body: {shape}: must be followed by a radius in mm above 0 and up to {FARTHEST_MM / 2:g}, '
+            f'like {shape}:1.5'
+        )
+    x, y = grid(radius_mm + 1.0)
+    flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)
+    return Body.of_heights(name, ball(radius_mm, x, y) if shape == BALL else flat)
+
+
 def _family(name: str) -> Body:
     from tactile_nodes.simulation.touch.families import FAMILIES, make_body
 
     if name not in FAMILIES:
         raise ConfigurationError(
-            f'there is no contact {name!r}; give one of: {", ".join(FAMILIES)}, or a file: a mesh '
-            f'({", ".join(MESHES)}), heights ({HEIGHTS}) or a description (.yaml)'
+            f'there is no contact {name!r}; give one of: {", ".join(FAMILIES)}, ball:5 or punch:1.5 (radius '
+            f'in mm), a file: a mesh ({", ".join(MESHES)}), heights ({HEIGHTS}) or a description (.yaml); or, for a '
+            'live launch, mixed'
         )
     return make_body(name)
 

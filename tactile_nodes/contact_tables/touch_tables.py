@@ -1,9 +1,10 @@
 """Contacts of bodies with a gel, by name: the bodies, their motion, and the solved tables.
 
-A contact is named by a family ('ring'), a mesh (STL, OBJ, PLY in millimetres), a height map (NPY: a square array of
-heights in millimetres, with a spacing of 0.1 mm), or a YAML file with more entries::
+A contact is named by a family ('ring'), a ball or punch with its radius in mm ('ball:5'), a mesh (STL, OBJ, PLY in
+millimetres), a height map (NPY: a square array of heights in millimetres, with a spacing of 0.1 mm), or a YAML file
+with more entries::
 
-    body: gripper_pad.stl        # or a family, or heights; or a list of {body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}
+    body: gripper_pad.stl        # or ring, ball:5, heights; a list of {body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}
     tilt_deg: [0.0, 2.0]         # about x, then about y
     force_n: 2.0                 # or depth_mm: 0.5
     drag_mm: 0.6
@@ -75,7 +76,7 @@ class Contact:
 
     @classmethod
     def named(cls, name: str) -> Contact:
-        """A contact by the name of a family, mesh, height map or YAML file.
+        """A contact by the name of a family or body, mesh, height map or YAML file.
 
         Raises:
             ConfigurationError: there is no such file, or it holds an unknown entry.

@@ -107,7 +107,11 @@ def test_a_description_that_says_nonsense_is_refused(tmp_path: Path, text: str, 
 @pytest.mark.parametrize(
     ('name', 'said'),
     [
-        ('rign', "there is no contact 'rign'; give one of: tip, ball"),
+        ('rign', "there is no contact 'rign'; give one of: tip, ball, .*, ball:5 or .* a live launch, mixed$"),
+        (
+            'ball:0',
+            '^ball:0 is not a body: ball: must be followed by a radius in mm above 0 and up to 20, like ball:1.5$',
+        ),
         ('missing.stl', r'cannot read the body missing.stl \(No such file or directory\)'),
         ('text.npy', 'holds no array of heights'),
         ('text.obj', 'holds no triangles'),
@@ -120,6 +124,12 @@ def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         (tmp_path / file).write_text('no numbers\n')
     with pytest.raises(ConfigurationError, match=said):
         solved_contact(load_gel('paper'), Contact.named(name))
+
+
+def test_bodies_are_named_by_their_radius_as_in_every_command():
+    two = body_of([{'body': 'ball:5'}, {'body': 'punch:1.5', 'at_mm': [8.0, 0.0]}])
+    heights = two.under(np.array([0.0, 2.0, 6.6, 9.4]), np.zeros(4))[0]
+    np.testing.assert_allclose(heights, [0.0, 5 - 21**0.5, 0.0, 0.0], atol=1e-3)
 
 
 def test_meshes_whose_names_are_no_utf8_are_read_and_one_cut_short_is_reported(tmp_path: Path):

@@ -189,7 +189,7 @@ def test_a_ring_touches_the_simulated_gel_where_it_is_asked_for(
 @pytest.mark.parametrize(
     ('contact', 'reason'),
     [
-        ('rign', "^there is no contact 'rign'; give one of: tip, ball, .*, or a file: "),
+        ('rign', "^there is no contact 'rign'; give one of: tip, ball, .*, a file: "),
         ('missing.stl', r'^cannot read the body missing.stl \(No such file or directory\); check the path$'),
     ],
 )

@@ -34,8 +34,8 @@ class SceneSettings:
     seed: int = parameter(1, 'seed of the positions and depths of presses')
     contact: str = parameter(
         'tip', 'what touches the gel: tip; mixed (the tip and other bodies in turn); held (the object in a simulated '
-        'gripper); or one contact: ring, edge, two and so on, a mesh (STL, OBJ, PLY), heights (NPY), or a '
-        'description (YAML)',
+        'gripper); or one contact: ring, edge, two and so on, ball:5 or punch:1.5 (radius in mm), a '
+        'mesh (STL, OBJ, PLY), heights (NPY), or a description (YAML)',
     )  # fmt: skip
     start_ns: int = parameter(
         0, "no contact before this time of the host's time base; 0: for a second after the start, or "

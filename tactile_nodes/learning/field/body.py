@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.contact_tables.touch_bodies import FARTHEST_MM, body_of
+from tactile_nodes.contact_tables.touch_bodies import body_of
 from tactile_nodes.contact_tables.touch_tables import Contact
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float, Int
-from tactile_nodes.simulation.indenter import BALL, PUNCH, name_of_record, number
-from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
-from tactile_nodes.simulation.touch.families import ball
+from tactile_nodes.simulation.indenter import BALL, name_of_record
+from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body
 
 BETWEEN = ', '
 """Separator between the names of several bodies on a model card."""
@@ -48,9 +47,6 @@ class KnownBody:
             ConfigurationError: there is no such body or file, it is no body, or its radius is none.
         """
         name = ROUND.get(name, name_of_record(name))
-        shape, colon, size = name.partition(':')
-        if colon and shape in (BALL, PUNCH):
-            return cls(name, _round(name, shape, size))
         contact = Contact.named(name)
         return cls(name, body_of(contact.body, contact.tilt_deg))
 
@@ -115,15 +111,3 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
         return KnownBody.named(name)
     pressed = f'was made with presses of {name}' if name else 'does not say which body pressed'
     raise ModelError(f'model {model_id} {pressed}; give the body that presses now: --body ball:5 (radius in mm)')
-
-
-def _round(name: str, shape: str, size: str) -> Body:
-    radius_mm = number(size)
-    if not 0 < radius_mm <= FARTHEST_MM / 2:
-        raise ConfigurationError(
-            f'{name} is not a body: {shape}: must be followed by a radius in mm above 0 and up to {FARTHEST_MM / 2:g}, '
-            f'like {shape}:1.5'
-        )
-    x, y = grid(radius_mm + 1.0)
-    flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)
-    return Body.of_heights(name, ball(radius_mm, x, y) if shape == BALL else flat)
