@@ -22,7 +22,7 @@ class HandSensor:
     """One sensor of a hand. All entries except `frame` are arguments of the live launch, which lists their values.
 
     Raises:
-        ValueError: the name cannot be a namespace.
+        ValueError: the name cannot be a namespace, or the source is empty.
     """
 
     name: str = parameter('', 'namespace of the sensor, and name of its surface frame unless frame.id is given')
@@ -36,6 +36,10 @@ class HandSensor:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
             raise ValueError(f'a sensor needs a name of letters, digits and underscores, got {self.name!r}')
+        if not self.source.strip():
+            raise ValueError(
+                f'the source of {self.name!r} is empty; name a camera or a recording, or omit it to simulate one'
+            )
 
     @property
     def frames(self) -> tuple[str, str]:

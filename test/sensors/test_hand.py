@@ -44,6 +44,7 @@ def test_a_sensor_is_called_by_its_name_and_fixed_to_the_frame_of_the_hand(tmp_p
         ('name: b, soruce: simulated', "hand.yaml:3: unknown parameter 'soruce'"),
         ('name: my-finger', 'needs a name of letters, digits and underscores'),
         ('name: b, frame: {position_mm: [0, 1.5, 0]}', 'a list holds one type: write 0.0 for 0'),
+        ("name: b, source: ''", "hand.yaml:3: the source of 'b' is empty; name a camera or a recording"),
         ('source: simulated', 'needs a name of letters, digits and underscores'),
     ],
 )

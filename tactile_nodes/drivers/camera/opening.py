@@ -27,6 +27,8 @@ def open_camera(settings: CameraSettings, clock: Clock, on_progress: Callable[[s
 
 def _camera(settings: CameraSettings, clock: Clock, on_progress: Callable[[str], None] | None) -> Camera:
     source = settings.source.strip()
+    if not source:
+        raise ConfigurationError('the camera source is empty; name a device, a file or an address, or "simulated"')
     if source == SIMULATED:
         from tactile_nodes.drivers.camera.simulated import SimulatedCamera
 

@@ -190,6 +190,7 @@ def test_closing_ends_the_threads_and_opening_again_works(make: Make) -> None:
         ('63', 'DeviceNotFoundError', r'there is no camera /dev/video63'),
         ('/dev/v4l/by-id/none', 'DeviceNotFoundError', r'there is no camera /dev/v4l/by-id/none'),
         ('/dev/null', 'DeviceNotFoundError', r'/dev/null is not a video device'),
+        ('', 'ConfigurationError', 'the camera source is empty; name a device, a file or an address, or "simulated"'),
         ('nowhere.avi', 'DeviceNotFoundError', r"no camera, video or folder of images is named 'nowhere.avi'"),
         ('ftp://camera/a', 'ConfigurationError', r'scheme ftp:// is not supported; use http://'),
         (
