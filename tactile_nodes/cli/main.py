@@ -66,8 +66,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name, mode in (('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w')):
         if getattr(sys, name) is None:  # the caller has closed it, as with >&-
             setattr(sys, name, Path(os.devnull).open(mode, encoding='utf-8'))  # noqa: SIM115
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in {'strict', 'surrogateescape'}:
-        sys.stdout.reconfigure(errors='backslashreplace')  # as stderr has it: a terminal may lack a letter of a node
+    for stream in (sys.stdin, sys.stdout):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in {'strict', 'surrogateescape'}:
+            stream.reconfigure(errors='backslashreplace')  # as stderr has it: a terminal may lack a letter
     try:
         status = _run(words)
         sys.stdout.flush()

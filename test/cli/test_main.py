@@ -84,7 +84,7 @@ def test_a_letter_that_the_locale_lacks_ends_no_command() -> None:
     environment = {**os.environ, 'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'}
     words = [sys.executable, '-m', 'tactile_nodes', 'launch', 'live', '--show-args']
     found = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)
-    assert '(mixed, tip, ring, edge, two, \\u2026, a mesh' in found.stdout
+    assert '(mixed, tip, ring, edge, two, \\u2026, ball:5, a mesh' in found.stdout
     assert found.stderr == ''
 
 

@@ -20,7 +20,7 @@ from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics
 
-Typed = Callable[[str], io.StringIO]
+Typed = Callable[[str], io.TextIOWrapper]
 CALIBRATION = """\
 image_width: 320
 image_height: 240
@@ -52,10 +52,10 @@ def folder(tmp_path: Path, pictures: list[np.ndarray], monkeypatch: pytest.Monke
 
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch) -> Typed:
-    """What a person types at a terminal."""
+    """What a person types at a terminal whose encoding lacks umlauts."""
 
-    def type_in(text: str) -> io.StringIO:
-        terminal = io.StringIO(text)
+    def type_in(text: str) -> io.TextIOWrapper:
+        terminal = io.TextIOWrapper(io.BytesIO(text.encode()), encoding='ascii')
         terminal.isatty = lambda: True  # type: ignore[method-assign]
         monkeypatch.setattr('sys.stdin', terminal)
         return terminal
@@ -128,7 +128,7 @@ def test_sides_can_be_given(folder: Path) -> None:
 def test_a_person_is_asked_until_the_answer_can_be_read(
     folder: Path, capsys: pytest.CaptureFixture[str], typed: Typed
 ) -> None:
-    typed('\n18.5\nsoft\n4\n0.12\n0.6-0.3\n0.3\n\n')
+    typed('\n18.5\nweiß nicht\n4\n0.12\n0.6-0.3\n0.3\n\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
     sensor = load_sensor('mine.yaml')
     assert sensor.gel.layers_mm == (4.0,)
@@ -136,7 +136,7 @@ def test_a_person_is_asked_until_the_answer_can_be_read(
     assert sensor.gel.markers_mm == (0.3, 0.4)
     assert sensor.camera.position_mm[2] == -20.0
     printed = capsys.readouterr().out
-    assert "'soft' is not a number above 0" in printed
+    assert r"'wei\\xc3\\x9f nicht' is not a number above 0" in printed
     assert "'0.6-0.3' is not in order" in printed
 
 
