@@ -6,6 +6,7 @@ Results are therefore identical to the bit wherever they are computed, if proces
 from __future__ import annotations
 
 import asyncio
+import logging
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -131,6 +132,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
     with from_extra('cluster', 'work on a cluster'):
         from distributed import CancelledError, Client, KilledWorker
         from distributed.comm.addressing import get_address_host_port
+        from distributed.comm.core import CommClosedError
     try:
         get_address_host_port(scheduler, strict=False)  # with an address that is none, a client is begun and hangs
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
@@ -138,7 +140,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
         raise ConfigurationError(
             f'no Dask scheduler answers at {scheduler} ({error}); start one with: dask scheduler'
         ) from error
-    with client:
+    with _silent('distributed.client'), client:
         _require_workers(client, scheduler)
         futures = {client.submit(make, job, pure=False, retries=RETRIES): number for number, job in enumerate(jobs)}
         ended: Queue[Any] = Queue()
@@ -157,11 +159,25 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
                 f'the scheduler {scheduler} cannot import {make.__module__}; start it, and its workers, where that is: '
                 'for benchmarks in a checkout, with PYTHONPATH=.'
             ) from error
-        except (KilledWorker, CancelledError) as error:
+        except KilledWorker as error:
             raise ConfigurationError(
-                f'the scheduler {scheduler} ended, or workers ended repeatedly in one task ({in_a_line(error)}); '
-                f'{_GOES_ON}'
+                f'workers ended repeatedly in one task ({in_a_line(error)}); {_GOES_ON}'
             ) from error
+        except (CancelledError, CommClosedError) as error:
+            raise ConfigurationError(
+                f'the connection to the scheduler {scheduler} was lost; start it and its workers again; {_GOES_ON}'
+            ) from error
+
+
+@contextmanager
+def _silent(logger: str) -> Iterator[None]:
+    """Within this block a logger is silent. Dask's client logs tracebacks of errors that it raises as well."""
+    log = logging.getLogger(logger)
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
 
 
 def _first(ended: Queue[Any], client: Any, scheduler: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -27,19 +28,26 @@ pytestmark = pytest.mark.skipif(find_spec('distributed') is None, reason='dask.d
 
 
 @contextmanager
+def started(words: list[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """A program of Dask that can import this folder."""
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
+    with subprocess.Popen(words, env={**os.environ, 'PYTHONPATH': path}, stderr=subprocess.DEVNULL) as program:
+        try:
+            yield program
+        finally:
+            program.kill()
+
+
+@contextmanager
 def worker_alone(scheduler: str) -> Iterator[None]:
     """A worker that nobody starts again, as `dask worker --no-nanny` is."""
     from distributed import Client
 
     words = [sys.executable, '-m', 'dask', 'worker', scheduler, '--no-nanny', '--nthreads', '1', '--no-dashboard']
-    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
-    with subprocess.Popen(words, env={**os.environ, 'PYTHONPATH': path}, stderr=subprocess.DEVNULL) as worker:
-        try:
-            with Client(scheduler, set_as_default=False) as client:
-                client.wait_for_workers(1, timeout=60)
-            yield
-        finally:
-            worker.kill()
+    with started(words), Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=60)
+        client.close()
+        yield
 
 
 @contextmanager
@@ -128,6 +136,27 @@ def test_the_death_of_the_last_worker_is_one_sentence_and_the_same_command_goes_
     with on_cluster(two_workers):
         make_files(counted, jobs, 1, Progress(), 'drawing')
     assert bytes_of(tmp_path) == [drawn(seed)['numbers'].tobytes() for seed in JOBS]
+
+
+def test_a_scheduler_that_is_killed_is_one_sentence(tmp_path: Path) -> None:
+    said = tmp_path / 'address'
+    words = [sys.executable, '-m', 'dask', 'scheduler', '--host', '127.0.0.1', '--port', '0', '--no-dashboard']
+    program = (
+        'import os, sys\nfrom drawing import JOBS, drawn\nfrom tactile_nodes.errors import ConfigurationError\n'
+        'from tactile_nodes.learning.tasks import done, on_cluster\n'
+        'try:\n    with on_cluster(sys.argv[1]):\n'
+        '        for _ in done(drawn, JOBS * 50, 1): os.kill(int(sys.argv[2]), 9)\n'
+        'except (ConfigurationError, ProcessLookupError) as error: print(error)\n'
+    )
+    with started([*words, '--scheduler-file', str(said)]) as scheduler:
+        while not said.exists():
+            threading.Event().wait(0.01)
+        address = json.loads(said.read_text())['address']
+        with worker_alone(address):
+            client = [sys.executable, '-c', program, address, str(scheduler.pid)]
+            found = subprocess.run(client, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+    assert found.stderr == ''
+    assert f'the connection to the scheduler {address} was lost; start it and its workers again' in found.stdout
 
 
 def test_what_is_there_is_not_made_again(tmp_path: Path) -> None:
