@@ -6,14 +6,19 @@ import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from tactile_nodes import paths
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.errors import ConfigurationError
 
 NS_PER_DAY = 86_400_000_000_000
+TOO_LATE_NS = 2**63
+"""The year 2262; SQLite stores no later times."""
+
+_NUMBERS: dict[str, Any] = {'made_ns': int, 'presses': int, 'error_n': (float, int, type(None)), 'looked_ns': int}
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,7 @@ class GelList:
         """All calibrations, the newest first.
 
         Raises:
-            ConfigurationError: the file cannot be read, or is not such a list.
+            ConfigurationError: the file cannot be read, is not such a list, or has an impossible value.
         """
         if not self._exists():
             return []
@@ -155,7 +160,18 @@ class GelList:
 
 
 def _listed(database: sqlite3.Connection) -> list[Calibration]:
-    return [Calibration(*row) for row in database.execute(_ALL).fetchall()]
+    return [_calibration(row) for row in database.execute(_ALL).fetchall()]
+
+
+def _calibration(row: tuple[Any, ...]) -> Calibration:
+    """The calibration of a row, in which another program may have written anything."""
+    for entry, value in zip(fields(Calibration), row, strict=True):
+        if not isinstance(value, _NUMBERS.get(entry.name, str)):
+            raise ConfigurationError(
+                f'the list of calibrations has an impossible {entry.name} of model {row[0]}, {value!r}; remove it: '
+                f'tactile gels forget {row[0]}'
+            )
+    return Calibration(*row)
 
 
 def _merged(listed: Calibration, anew: Calibration, *, keep_file: bool) -> Calibration:

@@ -135,6 +135,25 @@ def test_a_calibration_that_has_a_newer_one_is_not_due_by_its_age(
     assert capsys.readouterr().out.count(old) == 4
 
 
+@pytest.mark.parametrize(
+    ('entry', 'value'), [('made_ns', 'soon'), ('made_ns', 1e30), ('looked_ns', None), ('error_n', b'0')]
+)
+def test_an_impossible_entry_is_one_sentence_that_removes_it(
+    gels: GelList, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, entry: str, value: object
+) -> None:
+    gels.add(SEVEN)
+    gels.add(EIGHT)
+    with sqlite3.connect(gels.file) as database:
+        database.execute(f"UPDATE calibrations SET {entry} = ? WHERE model_id = 'a1'", (value,))
+    database.close()
+    monkeypatch.setenv('TACTILE_GELS', str(gels.file))
+    assert main(['gels']) == 1
+    said = f'has an impossible {entry} of model a1, {value!r}; remove it: tactile gels forget a1\n'
+    assert capsys.readouterr().err.endswith(said)
+    assert main(['gels', 'forget', 'a1']) == 0
+    assert gels.calibrations() == [EIGHT]
+
+
 def test_one_without_a_date_is_not_called_old() -> None:
     assert Calibration('a1').due(1000 * DAY, 90) == ''
 

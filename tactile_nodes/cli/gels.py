@@ -64,11 +64,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add(gels: GelList, models: list[str], sensor: str) -> int:
+    from tactile_nodes.gel_list import TOO_LATE_NS
     from tactile_nodes.learning.calibrating.listing import calibration_of
 
     for name in models:
         file = Path(name)
-        found = calibration_of(file, sensor=sensor, made_ns=file.stat().st_mtime_ns if file.exists() else 0)
+        written_ns = file.stat().st_mtime_ns if file.exists() else 0
+        found = calibration_of(file, sensor=sensor, made_ns=written_ns if written_ns < TOO_LATE_NS else 0)
         gels.add(found)
         print(f'{name}: model {found.model_id} of gel {found.gel or "(not named)"} was added to the list')
     return 0
