@@ -103,6 +103,18 @@ def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:
     assert camera.position_mm[2] == pytest.approx(-20, abs=0.2)
 
 
+def test_a_calibrated_camera_at_a_known_distance_shows_the_width(folder: Path, typed: Typed) -> None:
+    """Dots 2.5 mm apart are 43.2 px apart, so they are 19.7 mm away at 340 px of focal length."""
+    (folder / 'ost.yaml').write_text(CALIBRATION)
+    typed('\n\n\n')
+    words = ['sensor', 'new', 'rest/0.png', '-o', 'mine.yaml', '--camera-info', 'ost.yaml', '--distance', '20']
+    assert main(words) == 0
+    sensor, text = load_sensor('mine.yaml'), Path('mine.yaml').read_text()
+    assert sensor.camera.position_mm[2] == -20
+    assert sensor.pattern.pitch_mm == pytest.approx(2.5, rel=0.01)
+    assert re.search(r'width_mm: .*  # from the picture and the distance given', text)
+
+
 def test_a_gel_that_ends_within_the_picture_has_sides_that_are_asked_for(
     folder: Path, pictures: list[np.ndarray], typed: Typed
 ) -> None:
@@ -160,7 +172,7 @@ def test_questions_that_end_early_name_the_flag(folder: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ('words', 'refusal'),
     [
-        (['rest'], 'No picture shows this; give it with --width, or of dots with --pitch'),
+        (['rest'], 'No picture shows this; give it with --width, or of dots --pitch, or --camera-info and'),
         (['rest', 'other.png', '--width', '18'], 'other.png has 640x480 pixels, but picture 0 of rest has 320x240'),
         (['flat.png', '--width', '18'], 'mine.yaml was not written: fix the findings marked bad first'),
         (['black.png', '--width', '18'], 'the camera image is black'),

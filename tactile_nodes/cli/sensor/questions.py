@@ -114,7 +114,8 @@ def answered(
 
     asking = _Asking(arguments)
     camera = _calibrated(arguments, size_px)
-    width, pitch = _lengths(asking, arguments, dots=seen.dots is not None)
+    placed = camera is not None and arguments.distance is not None
+    width, pitch = _lengths(asking, arguments, dots=seen.dots is not None, needed=not placed)
     given = {each.flag: asking.of(each) for each in (THICKNESS, STIFFNESS)}
     at_sides = asking.of(SIDES) if arguments.sides or seen.shows_rim else SIDES.usual
     markers = asking.of(TEXTURE_DEPTH if seen.dots is None else DOTS_DEPTH)
@@ -123,10 +124,11 @@ def answered(
     sources['camera.focal_px'] = 'from width and distance'
     if camera:
         sources |= dict.fromkeys((f'camera.{each}' for each in OF_CALIBRATION), f'from {arguments.camera_info}')
-        sources['camera.position_mm'] = 'from calibration and width'
+        sources['camera.position_mm'] = 'from calibration and width' if width or pitch else 'as given'
     if arguments.mask:
         sources['mask.polygons_px'] = 'as given'
-    sources |= dict.fromkeys(WIDTH.entries, f'from the picture and the {"width" if width else "pitch"} given')
+    length = 'width' if width else 'pitch' if pitch else 'distance'
+    sources |= dict.fromkeys(WIDTH.entries, f'from the picture and the {length} given')
     known = sources['gel.moduli_mpa'] != 'assumed'
     sources['gel.moduli_off'] = 'from a hardness or a data sheet' if known else 'not measured'
     answers = Answers(
@@ -136,9 +138,11 @@ def answered(
     return answers, sources
 
 
-def _lengths(asking: _Asking, arguments: argparse.Namespace, *, dots: bool) -> tuple[float, float]:
+def _lengths(asking: _Asking, arguments: argparse.Namespace, *, dots: bool, needed: bool) -> tuple[float, float]:
     """Visible width and pitch (mm); one of them is enough. If dots are visible, the pitch is asked for first."""
     pitch = arguments.pitch or 0.0
+    if not needed:
+        return arguments.width or 0.0, pitch
     if dots and asking.asks and not (pitch or arguments.width):
         pitch = asking.of(PITCH)
     return (0.0 if pitch and not arguments.width else asking.of(WIDTH)), pitch
@@ -158,8 +162,8 @@ class _Asking:
         given = getattr(self._given, question.flag)
         value = given if given is not None else self._answer_to(question) if self.asks else None
         if value is None and not question.usual:
-            or_pitch = ', or of dots with --pitch' if question is WIDTH else ''
-            raise ConfigurationError(f'{question.text} No picture shows this; give it with --{question.flag}{or_pitch}')
+            others = ', or of dots --pitch, or --camera-info and --distance' if question is WIDTH else ''
+            raise ConfigurationError(f'{question.text} No picture shows this; give it with --{question.flag}{others}')
         source = 'assumed' if value is None else 'as given'
         self.sources |= dict.fromkeys(question.entries, source)
         return question.usual if value is None else value

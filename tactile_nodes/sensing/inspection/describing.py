@@ -161,12 +161,12 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
 def _placed(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> tuple[CameraDescription, float]:
     """The camera, and the distance (mm) of its pupil from the surface of the gel.
 
-    A calibrated lens is as far away as the width or the pitch implies. Without a calibration they imply the focal
-    length of a lens at the given distance.
+    A calibrated lens is as far away as the width or the pitch implies, or, without these, as given. Without a
+    calibration they imply the focal length of a lens at the given distance.
     """
     if answers.pitch_mm and not seen.dots:
         raise ConfigurationError('a pitch was given, but the image shows no dots in rows and columns; leave it out')
-    if not (answers.width_mm or answers.pitch_mm):
+    if not (answers.width_mm or answers.pitch_mm or (answers.camera and answers.distance_mm)):
         raise ConfigurationError('the size of the gel in the image is unknown; give the width that is seen')
     (width, height), middle_mm = size_px, sum(answers.markers_mm) / 2
     unknown = CameraDescription('pinhole', focal_px=2 * (float(width),), centre_px=((width - 1) / 2, (height - 1) / 2))
@@ -175,7 +175,8 @@ def _placed(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> tup
     ends = np.array([[-0.5, camera.centre_px[1]], [width - 0.5, camera.centre_px[1]]])
     surface_mm = answers.width_mm / float(np.ptp(_slopes(camera, size_px, ends), axis=0)[0])
     pattern_mm = answers.pitch_mm / _pitch(seen, camera, size_px) if answers.pitch_mm else 0.0
-    known_mm = answers.distance_mm if answers.camera is None else pattern_mm + middle_mm if pattern_mm else surface_mm
+    implied_mm = pattern_mm + middle_mm if pattern_mm else surface_mm
+    known_mm = answers.distance_mm if answers.camera is None else implied_mm or answers.distance_mm
     by_width_mm = surface_mm * (1 - middle_mm / known_mm)
     focal_px = camera.focal_lengths_px[0]
     if by_width_mm and pattern_mm and abs(by_width_mm / pattern_mm - 1) > SAME:
