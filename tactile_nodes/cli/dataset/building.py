@@ -46,11 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
     methods.require_output(arguments, *arguments.bags)
     progress = TerminalProgress()
     command = shlex.join(['tactile', *sys.argv[1:]])
-    try:
+    with methods.resumable(progress):
         presses = build(arguments.bags, build_options(arguments), progress, command=command)
-    except KeyboardInterrupt:
-        progress.say('stopped; finished measurements are kept, and the same command continues from there')
-        raise
     return methods.written(presses, arguments.output)
 
 

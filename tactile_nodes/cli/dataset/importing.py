@@ -42,14 +42,16 @@ def run(arguments: argparse.Namespace) -> int:
     methods.require_output(arguments, *arguments.tables, arguments.pictures)
     options = methods.method_options(arguments)
     tables = [read_table(file, options.bins.reach_mm, arguments.untouched_below) for file in arguments.tables]
-    presses = import_presses(
-        [Imported(table, pictures_of(table, arguments.pictures)) for table in tables],
-        options,
-        _known(arguments),
-        TerminalProgress(),
-        command=shlex.join(['tactile', *sys.argv[1:]]),
-        forced=arguments.force,
-    )
+    progress = TerminalProgress()
+    with methods.resumable(progress):
+        presses = import_presses(
+            [Imported(table, pictures_of(table, arguments.pictures)) for table in tables],
+            options,
+            _known(arguments),
+            progress,
+            command=shlex.join(['tactile', *sys.argv[1:]]),
+            forced=arguments.force,
+        )
     return methods.written(presses, arguments.output)
 
 

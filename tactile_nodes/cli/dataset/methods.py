@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.datasets.recordings import RecordedPresses
+    from tactile_nodes.learning.progress import Progress
     from tactile_nodes.learning.recorded.building import BuildOptions
 
 FRAMES = ('mean', 'first', 'each')
@@ -87,6 +90,16 @@ def of_sensor(options: BuildOptions, name: str | None) -> BuildOptions:
     sensor = load_sensor(name)
     described = sensor.image.width, sensor.image.height
     return replace(options, bins=BinGrid.of_sensor(sensor), crop=sensor.image.crop_px, picture=described)
+
+
+@contextmanager
+def resumable(progress: Progress) -> Iterator[None]:
+    """Say at Ctrl-C that nothing measured is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        progress.say('stopped; finished measurements are kept, and the same command continues from there')
+        raise
 
 
 def written(presses: RecordedPresses, output: Path) -> int:

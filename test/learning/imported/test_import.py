@@ -23,7 +23,7 @@ from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.imported.arrays import import_arrays, options_of
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recorded.feature_cache import FeatureCache
+from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.learning.run.folder import run_id
 from tactile_nodes.learning.training.source import evaluation_samples, recorded_data, with_file
 from tactile_nodes.simulation.gel import Gel
@@ -264,6 +264,27 @@ def test_a_full_disk_is_no_fault_of_a_row(
     monkeypatch.setattr(FeatureCache, 'put', full)
     assert imported(folder / 'presses.csv', tmp_path / 'x.npz') == 1
     assert capsys.readouterr().err.startswith('the disk is full')
+
+
+def test_after_ctrl_c_the_same_command_continues_and_says_so(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    kept: list[bytes] = []
+    put = FeatureCache.put
+
+    def put_and_stop(cache: FeatureCache, key: bytes, measured: Measured) -> None:
+        put(cache, key, measured)
+        kept.append(key)
+        if len(kept) == 9:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(FeatureCache, 'put', put_and_stop)
+    assert imported(folder / 'presses.csv', tmp_path / 'x.npz') == 130
+    said = ' '.join(capsys.readouterr().out.split())
+    assert 'stopped; finished measurements are kept, and the same command continues from there' in said
+    assert imported(folder / 'presses.csv', tmp_path / 'x.npz') == 0
+    assert len(kept) == len(set(kept)) > 9
 
 
 def full(*_: object) -> None:
