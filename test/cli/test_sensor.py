@@ -16,6 +16,9 @@ from coarse_table import linear_table
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.sensor.questions import depths, modulus
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.camera import opening
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings
 from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics
@@ -103,6 +106,21 @@ def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:
     assert camera.position_mm[2] == pytest.approx(-20, abs=0.2)
 
 
+def test_a_camera_of_ones_own_may_have_a_source_that_ends_like_a_picture(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As docs/extending.md adds one: `still:FILE` in `opening.py`."""
+    of_package = opening._camera
+
+    def with_ours(settings: CameraSettings, clock: Clock, tell: Callable[[str], None] | None) -> Camera:
+        folder = settings.source.removeprefix('still:').rpartition('/')[0]
+        return of_package(replace(settings, source=folder), clock, tell)
+
+    monkeypatch.setattr(opening, '_camera', with_ours)
+    words = ['sensor', 'new', 'still:rest/0.png', '-o', 'mine.yaml', '--frames', '3', '--pitch', '2.5', '--yes']
+    assert main(words) == 0
+
+
 def test_a_calibrated_camera_at_a_known_distance_shows_the_width(folder: Path, typed: Typed) -> None:
     """Dots 2.5 mm apart are 43.2 px apart, so they are 19.7 mm away at 340 px of focal length."""
     (folder / 'ost.yaml').write_text(CALIBRATION)
@@ -182,7 +200,7 @@ def test_questions_that_end_early_name_the_flag(folder: Path, capsys: pytest.Cap
         (['rest', '--width', '18', '--crop', '400x200'], 'cannot cut 400x200 pixels from an image of 320x240'),
         (['rest', '--width', '18', '--skip', '9'], 'ends before picture 9'),
         (['rest/0.png', '--pitch', '2.5', '--fisheye'], '--fisheye is the lens model of a calibration'),
-        (['none.png', '--width', '18'], 'cannot read the image none.png'),
+        (['none.png', '--width', '18'], "no camera, video or folder of images is named 'none.png'"),
         (['rest', '--pitch', '2.5', '--distance', '0.2'], 'the answers contradict each other: camera.focal_px'),
     ],
 )

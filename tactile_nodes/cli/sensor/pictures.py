@@ -45,7 +45,7 @@ def _read(source: str, arguments: argparse.Namespace, sensor: str) -> dict[str, 
     from tactile_nodes.paths import OF_PICTURES
     from tactile_nodes.sensing.geometry import grey
 
-    if Path(source).suffix.lower() in OF_PICTURES and '://' not in source:
+    if Path(source).suffix.lower() in OF_PICTURES and Path(source).is_file():  # else a camera may have such a name
         return {source: grey(read_image(Path(source)))}
     return _watched(source, arguments, sensor)
 
