@@ -98,7 +98,7 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
     problem = _problem(gel, contact)
     if (found := known_table(problem.key)) is not None:
         return found
-    track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell)
+    track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell, gel.shear_modulus_mpa)
     table = TouchTable.of_track(track, -gel.skin_mm)
     with suppress(OSError, ConfigurationError):
         write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)

@@ -73,16 +73,19 @@ class Standing:
 
 
 class Pressing:
-    """A body on a layer, from the first touch on; `standing` is the present state."""
+    """A body on a layer, from the first touch on; `standing` is the present state.
 
-    def __init__(self, bricks: Bricks, body: Body, friction: float = 0.6) -> None:
+    Messages give forces on a gel of `shear_modulus_mpa`.
+    """
+
+    def __init__(self, bricks: Bricks, body: Body, friction: float = 0.6, shear_modulus_mpa: float = 1.0) -> None:
         layer = bricks.layer
         if body.reach_mm > layer.width_mm / 2:
             raise ConfigurationError(
                 f'the body {body.name!r} reaches {body.reach_mm:.1f} mm from its middle, but the gel ends at '
                 f'{layer.width_mm / 2:.1f} mm; give a smaller body'
             )
-        self._bricks, self._body, self._friction = bricks, body, friction
+        self._bricks, self._body, self._friction, self._modulus_mpa = bricks, body, friction, shear_modulus_mpa
         surface = bricks.inverse[:, bricks.surface, bricks.surface].astype(np.complex128)
         self._surface = Surface(surface.reshape(layer.cells, -1, 3, 3))
         self._x, self._y = np.meshgrid(layer.line_mm, layer.line_mm)
@@ -110,7 +113,7 @@ class Pressing:
             elif step > FINEST:
                 step /= 2
             else:
-                target = f'{wanted:.2f} mm deep' if by_depth else f'at {wanted:.2f} mm² of force over the shear modulus'
+                target = f'{wanted:.2f} mm deep' if by_depth else f'at {wanted * self._modulus_mpa:.2f} N'
                 raise ConfigurationError(
                     f'no equilibrium found for the body {self._body.name!r} {target}; press, drag and twist it '
                     'less, or use a rounder body'

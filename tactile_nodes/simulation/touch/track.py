@@ -85,13 +85,21 @@ def track_key(layer: Layer, body: Body, way: Way) -> str:
     return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
 
 
-def solve_track(bricks: Bricks, body: Body, way: Way, tell: Callable[[int, int], None] | None = None) -> Track:
+def solve_track(
+    bricks: Bricks,
+    body: Body,
+    way: Way,
+    tell: Callable[[int, int], None] | None = None,
+    shear_modulus_mpa: float = 1.0,
+) -> Track:
     """Solve all stages of a path, about a second each; `tell` is called with the number done and the number of all.
+
+    The track is the same for every modulus. An error gives the force on a gel of `shear_modulus_mpa`.
 
     Raises:
         ConfigurationError: the strain is too large, or the body is larger than the layer.
     """
-    pressing, found = Pressing(bricks, body, way.friction), []
+    pressing, found = Pressing(bricks, body, way.friction, shear_modulus_mpa), []
     wanted = list(way.poses)
     for number, (pose, share) in enumerate(wanted):
         if share == 0:

@@ -5,6 +5,8 @@ Forces are over the shear modulus. The layers are thick beside the contact, but 
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -107,8 +109,13 @@ def test_a_body_wider_than_the_gel_is_refused():
 
 def test_what_no_gel_bears_is_refused_in_a_sentence():
     bricks = Bricks(Layer(cells=32, spacing_mm=0.5, rows=5))
-    with pytest.raises(ConfigurationError, match=r'no equilibrium found for the body .* at .*; press, drag and'):
-        Pressing(bricks, make_body('punch')).advance(Pose(), 400.0)
+    said = []
+    for modulus_mpa in (0.1, 0.2):
+        with pytest.raises(ConfigurationError, match=r'no equilibrium .* at [\d.]+ N; press, drag and') as refused:
+            Pressing(bricks, make_body('punch'), shear_modulus_mpa=modulus_mpa).advance(Pose(), 400.0)
+        said.append(float(re.findall(r'at ([\d.]+) N', str(refused.value))[0]))
+    assert said[1] == pytest.approx(2 * said[0], abs=0.02)  # twice as stiff, it bears twice as much
+    assert said[0] <= 40
 
 
 def test_pressed_to_a_depth_it_takes_the_force_that_leads_there():
