@@ -15,7 +15,7 @@ response to any load with one forward and one inverse transform. Lengths are in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -32,10 +32,7 @@ LEAST_VOLUME = 0.05
 
 @dataclass(frozen=True)
 class Layer:
-    """Division of the layer: `cells` x `cells` bricks sideways, `rows` down, each thicker by the factor `growth`.
-
-    `moduli` are the rows' moduli from the base up, over the unit; empty means that all are 1.
-    """
+    """Division of the layer: `cells` x `cells` bricks sideways, `rows` down, each thicker by the factor `growth`."""
 
     cells: int = 96
     spacing_mm: float = 5 / 12
@@ -43,7 +40,6 @@ class Layer:
     rows: int = 9
     growth: float = 1.25
     volume_stiffness: float = 2000.0
-    moduli: tuple[float, ...] = field(default=())
 
     @property
     def width_mm(self) -> float:
@@ -78,8 +74,6 @@ class Bricks:
         self.layer = layer
         self._thick = np.diff(layer.z_mm).astype(np.float32)
         self._volume = (layer.spacing_mm**2 * self._thick)[:, None, None]
-        moduli = layer.moduli or (1.0,) * layer.rows
-        self._moduli = np.array(moduli, np.float32)[:, None, None]
 
     def at_rest(self) -> State:
         """The untouched layer."""
@@ -127,9 +121,9 @@ class Bricks:
         second = c * h - b * i, a * i - c * g, b * g - a * h
         third = b * f - c * e, c * d - a * f, a * e - b * d
         ratio = a * first[0] + b * first[1] + c * first[2]
-        push = pressure - self._moduli / np.maximum(ratio, np.float32(LEAST_VOLUME))
+        push = pressure - one / np.maximum(ratio, np.float32(LEAST_VOLUME))
         rows = ((a, b, c), first), ((d, e, f), second), ((g, h, i), third)
-        stress = [np.stack([self._moduli * row[k] + push * cofactor[k] for row, cofactor in rows], 1) for k in range(3)]
+        stress = [np.stack([row[k] + push * cofactor[k] for row, cofactor in rows], 1) for k in range(3)]
         return stress, ratio
 
     def _on_nodes(self, sums: list[dict[tuple[int, int], np.ndarray]]) -> Float32[np.ndarray, 'nodes 3 y x']:
@@ -197,7 +191,7 @@ class Bricks:
 
     def _brick(self, row: int) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and coupling to the pressure of one brick at rest, (corner, height, axis), corners x before y."""
-        h, thick, modulus = self.layer.spacing_mm, float(self._thick[row]), float(self._moduli[row, 0, 0])
+        h, thick = self.layer.spacing_mm, float(self._thick[row])
         stiff, coupling, slope = np.zeros((2, 2, 2, 3, 2, 2, 2, 3)), np.zeros((2, 2, 2, 3)), np.array([-1.0, 1.0])
         for i, j, k in np.ndindex(2, 2, 2):
             along = np.stack(
@@ -212,7 +206,7 @@ class Bricks:
             stiff += even + np.einsum('abcj,defi->abcidefj', along, along)
             coupling += along
         share = h * h * thick / 8
-        return modulus * share * stiff.reshape(4, 2, 3, 4, 2, 3), share * coupling.reshape(4, 2, 3)
+        return share * stiff.reshape(4, 2, 3, 4, 2, 3), share * coupling.reshape(4, 2, 3)
 
 
 def _across(values: np.ndarray, axis: int, point: int) -> np.ndarray:
