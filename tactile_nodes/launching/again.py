@@ -34,6 +34,7 @@ class LaunchedAgain:
         self._number = 0
         self._began_s: float | None = None
         self._cause = self._complaint = ''
+        self._works = False
         self._delay_s = FIRST_DELAY_S
         self._stopped = threading.Event()
         self._service: LaunchService | None = None
@@ -47,9 +48,13 @@ class LaunchedAgain:
     @property
     def trouble(self) -> str:
         """Why it does not run, or why the launch before it ended; empty if it works, or is the first."""
-        if not self._cause or self._lasts_s > SETTLED_S:
+        if not self._cause or self._works or self._lasts_s > SETTLED_S:
             return ''
         return self._cause if self._began_s is None else f'restarted, not stable yet; last failure: {self._cause}'
+
+    def report_works(self) -> None:
+        """The present launch works, though it may not have lasted long."""
+        self._works = self._began_s is not None
 
     def stop(self) -> None:
         """End the launch and do not restart it; from any thread, returns at once."""
@@ -80,7 +85,7 @@ class LaunchedAgain:
             settled, cause = self._lasts_s > SETTLED_S, self._complaint or 'it ended'
             delay_s = FIRST_DELAY_S if settled else self._delay_s
             self._clear_logs(again=cause == self._cause and not settled)
-            self._cause, self._began_s = cause, None
+            self._cause, self._began_s, self._works = cause, None, False
             self._delay_s = min(2 * delay_s, LONGEST_DELAY_S)
             self._number += 1
             self._stopped.wait(delay_s)

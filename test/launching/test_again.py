@@ -134,6 +134,17 @@ def test_one_that_runs_is_no_trouble(launched: Callable) -> None:
     assert tested.trouble == ''
 
 
+def test_one_that_works_again_is_no_trouble_before_it_has_settled(launched: Callable) -> None:
+    tested, lines = launched(FAILS, FAILS, LASTS)
+    until(lambda: tested.trouble == 'sh-1 failed: no camera')
+    tested.report_works()  # too late, of the launch that has ended
+    assert tested.trouble
+    until(lambda: any('sleep-1' in line.source for line in lines))
+    assert 'restarted' in tested.trouble
+    tested.report_works()
+    assert tested.trouble == ''
+
+
 def test_one_that_has_settled_is_no_trouble_any_more(launched: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     tested, _ = launched(FAILS, LASTS)
     until(lambda: 'restarted' in tested.trouble)

@@ -4,6 +4,7 @@ For pictures played from a bag, it starts the computing part of the replay launc
 
 Problems of a sensor (a camera that is not connected, a missing model file) are reported in ``/diagnostics``, as
 ``launch`` below its name, and do not end the other sensors. The camera node handles a camera that is away for a while.
+A sensor that was restarted works again as soon as its motion features get pictures.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Diagnostics, Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
-from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.launching.again import LaunchedAgain
 from tactile_nodes.launching.hand import arguments_of, parameter_text
@@ -61,6 +62,7 @@ class HandSensorsNode(Node):
         self._launches = {sensor: self._launched(sensor) for sensor in self._hand.sensors}
         self._healths = {sensor: self._health(sensor) for sensor in self._hand.sensors}
         self._diagnostics = self.create_publisher(topics.DIAGNOSTICS)
+        self.create_subscription(topics.DIAGNOSTICS, self._on_diagnostics)
         for each in self._launches.values():
             each.start()
         self.create_timer(REPORT_PERIOD_S, self._report)
@@ -78,10 +80,20 @@ class HandSensorsNode(Node):
 
     def _health(self, sensor: HandSensor) -> Diagnostics:
         """Diagnostics below the name of the sensor; also of its camera, unless pictures are played."""
-        health = Diagnostics(f'{self.names.namespace.rstrip("/")}/{sensor.name}/launch')
+        health = Diagnostics(f'{self._below(sensor)}/launch')
         if not self.params.replay:
             health.hardware['sensor'] = sensor.source
         return health
+
+    def _on_diagnostics(self, received: Received) -> None:
+        measured = {each.name for each in received.message.status if each.level == Level.OK}
+        for sensor, launch in self._launches.items():
+            if f'{self._below(sensor)}/flow_features: pictures' in measured:
+                launch.report_works()
+
+    def _below(self, sensor: HandSensor) -> str:
+        """The namespace of a sensor, as in the names of its diagnostics."""
+        return f'{self.names.namespace.rstrip("/")}/{sensor.name}'.lstrip('/')
 
     def _report(self) -> None:
         for sensor, launch in self._launches.items():

@@ -31,6 +31,9 @@ class OnlyPlanned:
     def start(self) -> None:
         """Its processes are planned."""
 
+    def report_works(self) -> None:
+        """They work, or the test fails."""
+
     def stop(self) -> None:
         """They are nodes of the test."""
 
