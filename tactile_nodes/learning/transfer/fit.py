@@ -97,10 +97,11 @@ class Transfer:
     @property
     def mounting(self) -> str:
         """What the presses say of the camera's mounting, in a sentence; empty if it holds."""
-        words = in_words(self.gives_px)
         # Only the fit of a field tells sides from a mounting, and only it knows wide bodies.
-        other, page = ('a wide body looks', 'calibration') if self.field else ('free sides of the gel look', 'sensors')
-        return words and f'{words}; {other} alike, see docs/{page}.md'
+        other, page = (
+            ('the body is wide', 'calibration') if self.field else ('the sides of the gel are free', 'sensors')
+        )
+        return in_words(self.gives_px, f'{other} (docs/{page}.md)')
 
     def as_dict(self) -> dict[str, Any]:
         """The entry in the model card."""

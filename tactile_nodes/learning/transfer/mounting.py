@@ -37,11 +37,11 @@ def gives_way_px(
     return float(np.percentile(moved[pressed] / force_n[pressed], MOST))
 
 
-def in_words(gives_px: float) -> str:
-    """What to do about it, in a sentence; empty if the mounting holds."""
+def in_words(gives_px: float, other: str) -> str:
+    """What to do about it, in a sentence; empty if the picture holds. `other` is the other cause that it may have."""
     if not gives_px:
         return ''
     return (
-        f'the mounting of the camera gives way under the force: the picture moves by at least {gives_px:.2g} px per '
-        'newton. This was found and removed; with a stiffer mounting forces are more certain'
+        f'the picture moves by at least {gives_px:.2g} px per newton: the mounting of the camera gives way under the '
+        f'force, or {other}. The motion was removed; if it is the mounting, a stiffer one makes forces more certain'
     )

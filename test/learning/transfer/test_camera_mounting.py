@@ -22,12 +22,12 @@ def residuals(right_px_per_n: float) -> np.ndarray:
 
 def test_a_mounting_that_holds_leaves_noise_alone() -> None:
     assert gives_way_px(CAMERA, residuals(0.0), CERTAINTY, FORCE_N) == 0
-    assert in_words(0.0) == ''
+    assert in_words(0.0, 'the body is wide') == ''
 
 
 def test_the_motion_of_the_picture_is_told_in_pixels_per_newton() -> None:
     assert gives_way_px(CAMERA, residuals(0.1), CERTAINTY, FORCE_N) == pytest.approx(0.1, rel=0.05)
-    assert 'at least 0.1 px per newton' in in_words(0.1)
+    assert 'at least 0.1 px per newton' in in_words(0.1, 'the body is wide')
 
 
 def test_presses_without_a_force_tell_nothing() -> None:
