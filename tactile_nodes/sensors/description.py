@@ -180,7 +180,10 @@ class GelDescription:
         if not all(0 <= each <= 0.5 for each in self.poisson_ratios):
             raise ValueError('gel.poisson_ratios must lie between 0 and 0.5')
         if len(self.markers_mm) != 2 or not 0 <= self.markers_mm[0] < self.markers_mm[1] <= self.depth_mm + 1e-9:
-            raise ValueError(f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm')
+            raise ValueError(
+                f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm, the '
+                'smaller one first: [0.3, 0.4] for dots printed 0.3 mm deep'
+            )
         self._require_real()
         self._require_shallow()
         if self.sides != 'ignored' and not self.may_have_sides:

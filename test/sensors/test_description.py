@@ -57,6 +57,7 @@ def test_a_camera_is_described_as_opencv_and_ros_write_it(tmp_path: Path) -> Non
     [
         ('gel: {layers_mm: [1.5, 4.5], moduli_mpa: [0.1]}', 'gel.moduli_mpa must hold 2 numbers'),
         ('gel: {markers_mm: [1.5, 7.0]}', 'two depths within the 6 mm'),
+        ('gel: {markers_mm: [0.3, 0.3]}', 'the smaller one first'),
         ('gel: {poisson_ratios: [0.5, 0.6]}', 'between 0 and 0.5'),
         ('gel: {layers_mm: [0.0, 4.5]}', 'above 0'),
         ('camera: {position_mm: [0.0, 0.0, -5.0]}', 'not below the markers'),

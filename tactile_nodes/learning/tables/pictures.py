@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,12 +51,28 @@ class FolderPictures:
                 try:
                     check_size(file, PICTURE_BYTES)
                 except OSError as error:
-                    raise DatasetError(f'cannot read the image {file} ({error.strerror})') from error
+                    meant = '' if len(faults) else _alike(file)  # only the first fault is shown in full
+                    raise DatasetError(f'cannot read the image {file} ({error.strerror}){meant}') from error
 
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
         for row in rows:
             with faults.row(row.line):
                 yield row, read_grey(self.folder / row.picture)
+
+
+def _alike(missing: Path) -> str:
+    """Names a file that is probably meant: other capitals, no ending, accents stored by macOS, Windows' backslash."""
+    wanted = missing.parent / missing.name.replace('\\', '/')
+    try:
+        there = sorted(wanted.parent.iterdir())
+    except OSError:
+        return ''
+    found = next((each for each in there if _plain(wanted.name) in (_plain(each.name), _plain(each.stem))), None)
+    return f'; there is {found}: write its name in the table as it is' if found else ''
+
+
+def _plain(name: str) -> str:
+    return unicodedata.normalize('NFC', name).casefold()
 
 
 @dataclass(frozen=True)

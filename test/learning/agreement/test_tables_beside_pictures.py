@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -15,7 +16,12 @@ from coarse_table import linear_table
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.agreement.objections import description_objection, force_objection, places_objection
+from tactile_nodes.learning.agreement.objections import (
+    aside,
+    description_objection,
+    force_objection,
+    places_objection,
+)
 from tactile_nodes.learning.agreement.stated_presses import require_seen
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.learning.tables.presses import read_table
@@ -312,6 +318,17 @@ def test_both_commands_refuse_rows_in_doubt_with_their_lines(
     assert 'the gel is said to be untouched, but the image moves as under a press, in line 4 (--force' in error
     assert 'edited.csv, line 17 has the image of line 8 again' in ' '.join(shown.out.split())
     assert not output.exists()
+
+
+def test_two_exchanged_rows_are_found_wherever_they_are() -> None:
+    """Sixteen presses, seen 20 mm apart from one side of the image to the other; each pair at least 6 mm apart."""
+    place_mm = np.array([(x, y) for y in (-6, -2, 2, 6) for x in (-8, -3, 3, 8)], float)
+    seen = 0.5 + place_mm / 20
+    for pair in itertools.combinations(range(len(place_mm)), 2):
+        if math.dist(*place_mm[list(pair)]) >= 6:
+            exchanged_mm = place_mm.copy()
+            exchanged_mm[list(pair)] = place_mm[list(reversed(pair))]
+            assert aside(exchanged_mm, seen) == list(pair)
 
 
 def test_rows_in_doubt_are_used_if_that_is_forced(

@@ -312,6 +312,26 @@ def test_pictures_of_the_untouched_gel_are_in_memory_once(folder: Path, tmp_path
         tracemalloc.stop()
 
 
+@pytest.mark.parametrize(
+    ('named', 'there'),
+    [
+        ('PRESS3.PNG', 'press3.png'),
+        ('press3', 'press3.png'),
+        ('more\\press3.png', 'more/press3.png'),
+        ('f\u00fcr.png', 'fu\u0308r.png'),
+    ],
+    ids=['capitals', 'ending', 'backslash', 'umlaut of macOS'],
+)
+def test_the_picture_that_a_row_probably_means_is_named(
+    named: str, there: str, folder: Path, refused: Callable[..., str]
+) -> None:
+    (folder / there).parent.mkdir(exist_ok=True)
+    (folder / there).write_bytes((folder / 'press3.png').read_bytes())
+    rows = rows_of(folder)
+    rows[RESTS + 3][0] = named
+    assert f'there is {folder / there}: write its name' in refused(rows)
+
+
 def test_a_picture_that_cannot_be_looked_for_is_named_with_its_line(folder: Path, refused: Callable[..., str]) -> None:
     """The system refuses the name, as it refuses a folder beside the table that is closed to this user."""
     rows = rows_of(folder)
