@@ -61,18 +61,19 @@ class FolderPictures:
 
 
 def _alike(missing: Path) -> str:
-    """Names a file that is probably meant: other capitals, no ending, accents stored by macOS, Windows' backslash."""
+    """Names a file that is probably meant: capitals or ending differ, accents as macOS stores them, a backslash."""
     wanted = missing.parent / missing.name.replace('\\', '/')
     try:
         there = sorted(wanted.parent.iterdir())
     except OSError:
         return ''
-    found = next((each for each in there if _plain(wanted.name) in (_plain(each.name), _plain(each.stem))), None)
+    found = next((each for each in there if {*_names(each)} & {*_names(wanted)}), None)
     return f'; there is {found}: write its name in the table as it is' if found else ''
 
 
-def _plain(name: str) -> str:
-    return unicodedata.normalize('NFC', name).casefold()
+def _names(file: Path) -> list[str]:
+    """A file's name with and without its ending, in one spelling."""
+    return [unicodedata.normalize('NFC', name).casefold() for name in (file.name, file.stem)]
 
 
 @dataclass(frozen=True)

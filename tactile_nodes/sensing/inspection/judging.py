@@ -188,7 +188,8 @@ class Inspection:
     def _shown(self) -> Finding:
         """How much of the gel is visible, and whether the pattern extends beyond the gel's rim."""
         share = self._shown_share
-        text = f'{percent(share)} of the described gel are visible'
+        gel = self.sensor.gel
+        text = f'{percent(share)} of the described gel of {gel.width_mm:g} x {gel.height_mm:g} mm are visible'
         if self.sensor.pattern.kind == 'spheres' and self.dots is None and (more := self._markers.beyond()):
             return Finding('gel', BAD if self._markers.much_beyond else LOOK, f'{text}, and {more}')
         if share < LITTLE_SEEN:

@@ -317,10 +317,11 @@ def test_pictures_of_the_untouched_gel_are_in_memory_once(folder: Path, tmp_path
     [
         ('PRESS3.PNG', 'press3.png'),
         ('press3', 'press3.png'),
+        ('press3.jpg', 'press3.png'),
         ('more\\press3.png', 'more/press3.png'),
         ('f\u00fcr.png', 'fu\u0308r.png'),
     ],
-    ids=['capitals', 'ending', 'backslash', 'umlaut of macOS'],
+    ids=['capitals', 'no ending', 'another ending', 'backslash', 'umlaut of macOS'],
 )
 def test_the_picture_that_a_row_probably_means_is_named(
     named: str, there: str, folder: Path, refused: Callable[..., str]

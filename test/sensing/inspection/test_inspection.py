@@ -280,6 +280,7 @@ def test_how_much_of_the_gel_is_seen_is_reported(membrane: np.ndarray) -> None:
         (gel,) = (each for each in Inspection(sensor, {'it': membrane}).findings if each.subject == 'gel')
         assert gel.level == LOOK
         assert int(gel.text.split(' %')[0]) == pytest.approx(100 * share, abs=2)
+        assert 'of the described gel of 25 x 19 mm' in gel.text  # which shows a pitch or width in another unit
 
 
 def test_noise_of_regions_is_their_motion_in_single_pictures(printed: list[np.ndarray]) -> None:
