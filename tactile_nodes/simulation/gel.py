@@ -21,7 +21,7 @@ CHOICES = {
 
 BOUNDS = {
     'seed': (0, math.inf), 'size_mm': (0.1, 1000), 'height_mm': (0, 1000), 'soft_mm': (0, 100), 'skin_mm': (0, 100),
-    'layer_mm': (0.1, 100), 'shear_modulus_mpa': (1e-6, 1000), 'poisson_ratio': (0, 0.5), 'marker_count': (1, 1e6),
+    'layer_mm': (0.1, 100), 'shear_modulus_mpa': (1e-4, 20), 'poisson_ratio': (0, 0.5), 'marker_count': (1, 1e6),
     'marker_diameter_mm': (1e-3, 100), 'tip_radius_mm': (0.01, 100), 'focal_px_per_rad': (1, 1e6),
     'image_width': (1, 10_000), 'image_height': (1, 10_000), 'blur_px': (0, 100), 'vignetting': (0, 0.99),
     'read_noise_grey': (0, 1000), 'shot_noise_grey': (0, 1000), 'settling_share': (0, 100), 'settling_s': (1e-3, 1e4),

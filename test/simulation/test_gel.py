@@ -52,7 +52,7 @@ def test_a_gel_of_no_shape_is_refused(properties: dict[str, object], said: str) 
     [('sead', 1), ('seed', 1.5), ('seed', True), ('soft_mm', 'thick'), ('mechanics', 'plastic'), ('contact', 'wet'),
      ('mechanics', 3), ('size_mm', -1.0), ('marker_count', 0), ('shear_modulus_mpa', -0.1), ('poisson_ratio', 0.6),
      ('vignetting', 1.0), ('settling_s', 0.0), ('image_width', 0), ('marker_diameter_mm', ['a', 'b']),
-     ('blur_px', math.nan)],
+     ('blur_px', math.nan), ('shear_modulus_mpa', 111.0)],
 )  # fmt: skip
 def test_property_that_no_gel_has_is_refused_by_its_name(name: str, value: object) -> None:
     with pytest.raises(ConfigurationError, match=name):
