@@ -18,6 +18,9 @@ LEAST_SPREAD = 0.4
 MOST_OFFSET_N = 0.1
 """More than twice the offset that differences between gels cause."""
 
+MOST_TIMES = 10.0
+"""Largest ratio of the hardness of two gels; forces in another unit make it about 100 (N and g) or 1000 (N and mN)."""
+
 
 def source_readout(loaded: LoadedModel) -> AxisymmetricReadout:
     """The readout of a model that can be transferred.
@@ -107,4 +110,20 @@ def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
         raise DatasetError(
             f'the forces seem to be {offset_n:+.2f} N when the gel shows none; tare the force sensor and '
             'press again, or check the given places and forces and their units'
+        )
+
+
+def require_unit(softness: float, *, forced: bool) -> None:
+    """Refuse forces that make the gel far softer or harder than that of the model, unless forced.
+
+    `softness` is relative to the gel of the model.
+
+    Raises:
+        DatasetError: says how many times.
+    """
+    if not forced and not 1 / MOST_TIMES <= softness <= MOST_TIMES:
+        times, what = (softness, 'soft') if softness > 1 else (1 / softness, 'hard')
+        raise DatasetError(
+            f'by the given forces the gel is {times:.0f} times as {what} as that of the model: check the unit of the '
+            'forces (tactile calibrate … --force uses them as they are)'
         )

@@ -36,6 +36,7 @@ from tactile_nodes.learning.transfer.checks import (
     require_motion,
     require_presses,
     require_tared,
+    require_unit,
 )
 from tactile_nodes.learning.transfer.errors import Errors, Point
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
@@ -135,6 +136,7 @@ def transfer(
             other = other.with_moving_camera()
             whole = other.whole()
             gives_px = other.gives_px(whole.response)
+        require_unit(whole.softness, forced=forced)
         fold = folds_of(other.presses.contacts)
         offset = other.offset(whole)
         require_tared(offset, other.offset_spread(whole, fold) if abs(offset) > MOST_OFFSET_N else 0.0)

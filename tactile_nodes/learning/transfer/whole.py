@@ -178,6 +178,11 @@ class WholeFit:
     numbers: Float[np.ndarray, ' numbers']
     offset_n: float = 0.0
 
+    @property
+    def softness(self) -> float:
+        """How many times as soft as the known gel."""
+        return math.exp(self.numbers[tuple(SIZES).index('softness')])
+
 
 def fit_whole(
     start: AxisymmetricResponse,

@@ -12,7 +12,7 @@ from responding_gel import NOISE_PX, REACH_MM, motion, presses, seen_with_noise
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.transfer.calibration import cautious
-from tactile_nodes.learning.transfer.checks import require_tared
+from tactile_nodes.learning.transfer.checks import require_tared, require_unit
 from tactile_nodes.learning.transfer.fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer.whole import RIM_SCATTER, Typical, changed, fit_whole
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
@@ -243,6 +243,17 @@ def test_a_gel_of_which_the_source_reads_nothing_is_calibrated_and_its_card_is_j
     entry = json.loads(json.dumps(made.as_dict(), allow_nan=False))
     assert entry['before'] == {'force_rmse_n': None, 'force_median_n': None, 'place_median_mm': None}
     assert entry['after']['place_median_mm'] < 0.2
+
+
+@pytest.mark.parametrize(('times', 'said'), [(9.81e-3, 'times as soft'), (102.0, 'times as hard')])
+def test_grams_and_newtons_that_are_mistaken_for_each_other_are_refused_unless_forced(
+    times: float, said: str, known_gel: AxisymmetricReadout
+) -> None:
+    dataset = other_gel(25, seed=3)
+    wrong = dataset.presses * np.array([1.0, 1.0, 1.0, times])
+    require_unit(100.0, forced=True)
+    with pytest.raises(DatasetError, match=f'{said} as that of the model: check the unit of the forces'):
+        transfer(known_gel, dataclasses.replace(dataset, presses=wrong))
 
 
 def test_an_offset_that_few_presses_do_not_bear_out_is_no_reason_to_refuse() -> None:
