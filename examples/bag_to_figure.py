@@ -142,7 +142,9 @@ def gather(told: list[Any]) -> Forces:
 
 
 def instant(forces: Forces, at_s: float | None) -> int:
-    """The frame that is drawn: that of the largest force, or the one at a time."""
+    """The frame that is drawn: that of the largest force, or the one at a time. Raises BagError: none is near it."""
+    if at_s is not None and not -1.0 <= at_s <= forces.time_s[-1] + 1.0:
+        raise BagError(f'there is no force at {at_s:g} s: those of the bag span 0 to {forces.time_s[-1]:.1f} s')
     usable = np.where(forces.status == types.ForceDistribution.STATUS_INVALID, -np.inf, forces.total_n)
     return int(np.argmax(usable)) if at_s is None else int(np.argmin(np.abs(forces.time_s - at_s)))
 

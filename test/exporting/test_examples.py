@@ -108,12 +108,19 @@ def test_the_sensor_is_named_as_in_the_commands(
     assert example('bag_to_figure').main() == 0
 
 
-def test_a_bag_without_forces_is_refused_in_a_sentence(
-    bag: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['--namespace', '/left'], 'holds no message of /left/force_distribution; see: tactile bag info'),
+        (['--at', '300'], 'there is no force at 300 s: those of the bag span 0 to 0.1 s'),
+    ],
+)
+def test_what_a_bag_does_not_hold_is_refused_in_a_sentence(
+    words: list[str], said: str, bag: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, 'argv', ['bag_to_figure.py', str(bag), '--namespace', '/left'])
+    monkeypatch.setattr(sys, 'argv', ['bag_to_figure.py', str(bag), *words])
     assert example('bag_to_figure').main() == 1
-    assert 'holds no message of /left/force_distribution; see: tactile bag info' in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 def test_rosbags_alone_reads_the_same_numbers(bag: Path) -> None:
