@@ -33,7 +33,7 @@ from tactile_nodes.learning.recorded.building import Builder, BuildOptions
 from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.tables.faults import RowFaults
-from tactile_nodes.learning.tables.pictures import OneSize, Pictures, Size
+from tactile_nodes.learning.tables.pictures import OneSize, Pictures, Size, beside
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
@@ -50,6 +50,10 @@ LONG_SERIES = 4
 
 UNTOUCHED = 0.5
 """All images of the untouched gel are divided among the presses. `frames` determines how many of each part are used."""
+
+
+ONE_FIGURE = 1
+"""One image beside those of the rows is a figure, as `next.png` of guided presses."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,8 @@ def import_presses(
                 f'{source.table.file}: presses with the values of an earlier one: {again}. If they are pictures of one '
                 'press, put their rows one after the other: a split keeps only those together'
             )
+    if len(unnamed := beside((each.pictures, each.table.rows) for each in sources)) > ONE_FIGURE:
+        progress.say(f'images that no row names: {len(unnamed)}, such as {unnamed[0]} and {unnamed[-1]}')
     entries, rests, rows = [], [], []
     with (
         Measurer(options.flow, options.encoding, options.crop) as measurer,

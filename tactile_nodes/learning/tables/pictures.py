@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -128,6 +129,19 @@ class ArrayPictures:
         for row in rows:
             with faults.row(row.line):
                 yield row, grey(np.asarray(self.images[row.line]), self.order)
+
+
+def beside(named: Iterable[tuple[Pictures, Sequence[TablePress]]]) -> list[Path]:
+    """Images that no row names, in the folders of those that rows name, with the same endings."""
+    files = {
+        pictures.folder / row.picture
+        for pictures, rows in named if isinstance(pictures, FolderPictures)
+        for row in rows
+    }  # fmt: skip
+    alike = {(file.parent, file.suffix) for file in files}
+    folders = [folder for folder in {folder for folder, _ in alike} if os.access(folder, os.R_OK)]
+    there = {each for folder in folders for each in folder.iterdir() if each.name[0] != '.'}
+    return sorted(each for each in there - files if (each.parent, each.suffix) in alike)
 
 
 def folder_of(table: PressTable) -> Path:

@@ -312,6 +312,20 @@ def test_pictures_of_the_untouched_gel_are_in_memory_once(folder: Path, tmp_path
         tracemalloc.stop()
 
 
+def test_pictures_that_no_row_names_are_counted(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As by a table that lost its last rows. A single one is a figure, which guided presses draw."""
+    rows, own = rows_of(folder), tmp_path / 'pictures'
+    own.mkdir()
+    for name in ('sensor.yaml', *(row[0] for row in rows)):
+        shutil.copy(folder / name, own)
+    for missing in (1, 2):
+        assert imported(written(own / 'short.csv', rows[:-missing]), tmp_path / 'short.npz') == 0
+        printed = ' '.join(capsys.readouterr().out.split())
+        assert (f'images that no row names: 2, such as {own / "press10.png"} and ' in printed) == (missing == 2)
+
+
 @pytest.mark.parametrize(
     ('named', 'there'),
     [
