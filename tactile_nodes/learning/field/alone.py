@@ -23,6 +23,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import (
     require_presses,
     require_tared,
+    require_unit,
 )
 from tactile_nodes.learning.transfer.fit import Transfer, at_rest, folds_of, pressed_gel, reached_mm
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
@@ -109,6 +110,7 @@ def transfer_alone(
         pressed.known_sensor(loaded), at_rest(scaling), dataset, rows, fold, bodies, progress, curve=curve
     )  # fmt: skip
     assert fit.by is not None
+    require_unit(fit.gain, forced=forced)
     offset_n, spread_n = fit.offset_n
     require_tared(offset_n, max(spread_n, BENT * float(np.median(fit.by.force_n))))
     before = Held.of([source] * len(fit.by), dataset, fit.by, np.zeros(len(fit.by), int)).errors

@@ -204,16 +204,21 @@ def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms
         fitted(dataclasses.replace(dataset, presses=presses), scaling)
 
 
-def test_forces_that_begin_elsewhere_are_refused(
-    terms: Terms, as_described: FieldReadout, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ('times', 'plus_n', 'said'),
+    [(1.0, 0.2, 'tare the force sensor'), (9.81e-3, 0.0, 'times as soft as that of the model: check the unit')],
+)
+def test_forces_that_begin_elsewhere_or_are_in_another_unit_are_refused(
+    times: float, plus_n: float, said: str, terms: Terms, as_described: FieldReadout, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr('tactile_nodes.learning.field.fit.UNEXPLAINED', np.inf)  # without a try of free and held sides
     layout, dataset = FeatureLayout('cartesian_mean', SIDE, SIDE, 2), pressed(terms, nominal(), 20)
     model = ForceModel(layout, as_described.bins, as_described)
     loaded = dataclasses.replace(load_model(find_model('field')), model=model)
-    untared = dataclasses.replace(dataset, presses=dataset.presses + np.array([0, 0, 0, 0.2], np.float32))
-    with pytest.raises(DatasetError, match='tare the force sensor'):
-        transfer_alone(loaded, untared, Pressed(SENSOR, KnownBody.named('ball:0.6')))
+    presses = dataset.presses * np.array([1, 1, 1, times], np.float32) + np.array([0, 0, 0, plus_n], np.float32)
+    wrong = dataclasses.replace(dataset, presses=presses)
+    with pytest.raises(DatasetError, match=said):
+        transfer_alone(loaded, wrong, Pressed(SENSOR, KnownBody.named('ball:0.6')))
 
 
 @pytest.mark.parametrize(
