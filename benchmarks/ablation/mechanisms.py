@@ -262,6 +262,12 @@ MECHANISMS = (
         (), instead(f'{EXPLAIN}.field.solver:HELD', 0.0), (), ('field',), contacts=True,
     ),
     Mechanism(
+        'refinement of the field', 'moves solved forces to where they act, by a network',
+        ('sensing/explain/field/refinement.py', 'learning/field/refining.py', 'learning/field/refinement_fit.py',
+         'learning/field/random_touches.py', 'simulation/touch/random_bodies.py'),
+        without(lambda readout: _field(readout, refinement=None)), CORE, ('field',), contacts=True,
+    ),
+    Mechanism(
         'smear of the markers', 'models that regions with an oblique view see a press at a shifted place',
         ('sensing/explain/axisymmetric/radial_smear.py',),
         all_of(

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes import paths
-from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS, known_table, table_key, write_table
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.contact_tables.touch_tables import first_solved, tried_forces
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.body import Body, grid
-from tactile_nodes.simulation.touch.bricks import Bricks, Layer
 from tactile_nodes.simulation.touch.families import FAMILIES, make_body, rectangle
 from tactile_nodes.simulation.touch.table import Touch, TouchTable
-from tactile_nodes.simulation.touch.track import Way, solve_track, track_key
+from tactile_nodes.simulation.touch.track import Way
 
 LIGHTEST_N, HARDEST_N = 0.05, 3.0
 HARDEST_OF = {'tip': 1.0}
@@ -65,12 +61,12 @@ def wanted(gel: Gel, seed: int, per_family: int) -> dict[str, Wanted]:
 
 def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
     """A flat square of 20 mm at 2, 5 and 10 N. It is so wide that under its middle the layer hardly moves."""
-    found, layer = [], Layer(CELLS, CELL_MM, gel.layer_mm)
+    found = []
     body = Body.of_heights(BROAD, rectangle(20.0, 20.0, *grid(12.0)))
     with (progress or Progress()).bar('solving broad contacts', len(BROAD_N)) as bar:
         for number, force_n in enumerate(BROAD_N):
             way = Way(force_mm2=round(force_n / gel.shear_modulus_mpa, 6), press_stages=2)
-            table = _solved(gel, layer, body, [way])
+            table = first_solved(gel, body, [way])
             touch = Touch(f'{BROAD}-{number}', 1.0, -1.0, 0.2, float(table.stages - 1))
             found.append(Case(f'{BROAD}, {force_n:g} N', number, touch, table, False))
             bar.advance()
@@ -87,42 +83,16 @@ def solved(job: Wanted) -> Case:
     drag_mm, drag_rad = float(random.uniform(0.05, 0.8)), float(random.uniform(0, math.tau))
     twist_rad, friction = float(random.uniform(-0.15, 0.15)), float(random.uniform(0.3, 0.9))
     at_mm, turn_rad = random.uniform(-1, 1, 2), float(random.uniform(0, math.tau))
-    layer = Layer(CELLS, CELL_MM, gel.layer_mm)
     ways = [
         Way(
             force_mm2=round(force / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
             twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
         )
-        for force in _tried(force_n)
+        for force in tried_forces(force_n, LIGHTEST_N)
     ]  # fmt: skip
-    table = _solved(gel, layer, body, ways)
+    table = first_solved(gel, body, ways)
     extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
     reach = np.maximum(np.array(gel.sides_mm) / 2 - RIM_MM - extent, 0.0)
     x_mm, y_mm = (at_mm * reach).tolist()
     touch = Touch(f'{family}-{job.seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
     return Case(family, number, touch, table, dragged)
-
-
-def _solved(gel: Gel, layer: Layer, body: Body, ways: list[Way]) -> TouchTable:
-    """The first of some ways that can be solved; from the cache if it was solved before."""
-    keys = [table_key(track_key(layer, body, way), gel) for way in ways]
-    for key in keys:
-        if (known := known_table(key)) is not None:
-            return known
-    for key, way in zip(keys, ways, strict=True):
-        try:
-            table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm)
-        except ConfigurationError:
-            continue  # too much strain, or an edge that hardly touches: try another force
-        write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
-        return table
-    raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')
-
-
-def _tried(force_n: float) -> Iterator[float]:
-    """A force, then halves of it, then multiples."""
-    halved = force_n
-    while halved > LIGHTEST_N / 4:
-        yield halved
-        halved /= 2
-    yield from (2 * force_n, 4 * force_n)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
-from tactile_nodes.learning.field.calibration import Pressed, with_field
+from tactile_nodes.learning.field.calibration import Pressed, refinement_of, with_field
 from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import source_readout
@@ -46,7 +46,7 @@ def calibrated(
         fitted = made.readout
     else:
         scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
-        fitted = described(sensor, scaling, progress).readout
+        fitted = replace(described(sensor, scaling, progress).readout, refinement=refinement_of(source, sensor))
     card['gel'] = {'id': gel.gel_id}
     save_model(file, replace(source.model, readout=fitted, model_id='unsaved'), card)
     return file

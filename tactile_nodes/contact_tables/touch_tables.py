@@ -16,7 +16,7 @@ with more entries::
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -103,6 +103,37 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
     with suppress(OSError, ConfigurationError):
         write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
     return table
+
+
+def first_solved(gel: Gel, body: Body, ways: Sequence[Way]) -> TouchTable:
+    """The table of the first of some paths of a body that can be solved; from the cache if it was solved before.
+
+    Raises:
+        ConfigurationError: none can be solved: there is too much strain, or the body hardly touches.
+    """
+    from tactile_nodes.simulation.touch.bricks import Bricks, Layer
+    from tactile_nodes.simulation.touch.track import solve_track, track_key
+
+    layer = Layer(CELLS, CELL_MM, gel.layer_mm)
+    keys = [table_key(track_key(layer, body, way), gel) for way in ways]
+    for key in keys:
+        if (known := known_table(key)) is not None:
+            return known
+    for key, way in zip(keys, ways, strict=True):
+        with suppress(ConfigurationError):
+            table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm)
+            write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
+            return table
+    raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')
+
+
+def tried_forces(force_n: float, lightest_n: float) -> Iterator[float]:
+    """A force, then halves of it down to a quarter of the lightest, then two and four times the force."""
+    halved = force_n
+    while halved > lightest_n / 4:
+        yield halved
+        halved /= 2
+    yield from (2 * force_n, 4 * force_n)
 
 
 def ready_contacts(gel: Gel) -> dict[str, TouchTable]:

@@ -156,6 +156,7 @@ class FieldConfig:
     tips: str = parameter('portable', 'axisymmetric model for frames in which only tips press')
     body: str = parameter('ball:0.6', 'body that presses, as for tactile calibrate --body')
     contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
+    touches: int = parameter(0, 'simulated bodies to learn a refinement of the forces from', minimum=0)
 
 
 TIPS = 'axisymmetric', 'response'

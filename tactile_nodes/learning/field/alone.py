@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.calibration import Pressed
+from tactile_nodes.learning.field.calibration import Pressed, refinement_of
 from tactile_nodes.learning.field.camera import in_words
 from tactile_nodes.learning.field.fit import fit_field, regions_of
 from tactile_nodes.learning.field.judging import Held
@@ -106,9 +107,8 @@ def transfer_alone(
     require_presses(dataset, reached_mm(source.tips) if source.tips else (source.bins.width_mm, source.bins.height_mm))
     scaling, _, rows = pressed_gel((source.tips or source).scaling, dataset)
     fold = folds_of(dataset.presses[rows][:, [0, 1, 3]].astype(float))
-    fit = fit_field(
-        pressed.known_sensor(loaded), at_rest(scaling), dataset, rows, fold, bodies, progress, curve=curve
-    )  # fmt: skip
+    sensor = pressed.known_sensor(loaded)
+    fit = fit_field(sensor, at_rest(scaling), dataset, rows, fold, bodies, progress, curve=curve)
     assert fit.by is not None
     require_unit(fit.gain, forced=forced)
     offset_n, spread_n = fit.offset_n
@@ -124,9 +124,10 @@ def transfer_alone(
         if source.tips
         else 'the model has no readout for tips'
     )
+    readout = replace(fit.readout, refinement=refinement_of(loaded, sensor))
     text = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
     text += in_words(fit.looks) + fit.told_sides + fit.deep
     return Transfer(
-        fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
+        readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
         fit.curve, fit.gives_px,
     )  # fmt: skip

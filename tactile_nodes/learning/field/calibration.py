@@ -32,6 +32,7 @@ from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.refinement import Refinement
 from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
@@ -61,7 +62,7 @@ def train_field(
     require_bins(sensor, bins)
     tips.require_fit(dataset.features[0].size, bins)
     bodies = Bodies.one(KnownBody.named(config.body), len(dataset.presses))
-    fit = _fitted(sensor, replace(tips, prior=None), dataset, bodies, progress)
+    fit = fitted_field(sensor, replace(tips, prior=None), dataset, bodies, progress)
     report = {'form': fit.form, 'gain': fit.gain, 'presses': fit.presses, 'misfits': dict(fit.misfits)}
     return replace(fit.readout, tips=tips), report
 
@@ -186,20 +187,20 @@ def with_field(
         return calibration
     pressed = pressed or Pressed()
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
-    fit = _fitted(sensor, calibration.readout, dataset, bodies, progress or Progress(), curve=curve)
+    fit = fitted_field(sensor, calibration.readout, dataset, bodies, progress or Progress(), curve=curve)
     require_worth(fit.objection, ADVICE, forced=forced)
     if fit.sides is not None:
         calibration = transfer(source_readout(loaded), dataset, progress, forced=forced, sides=fit.sides)
     assert isinstance(calibration.readout, AxisymmetricReadout)
     text = f'{fit.reason}; alone it reads held-out presses {describe_errors(fit.errors)} off (medians)'
-    readout = replace(fit.readout, tips=calibration.readout)
+    readout = replace(fit.readout, tips=calibration.readout, refinement=refinement_of(loaded, sensor))
     return replace(
         calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection,
         gives_px=calibration.gives_px or fit.gives_px,
     )  # fmt: skip
 
 
-def _fitted(
+def fitted_field(
     sensor: Sensor,
     tips: AxisymmetricReadout,
     dataset: Dataset,
@@ -233,7 +234,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         usual = float(np.median(readout.scaling.gain[readout.scaling.trusted > 0]))
         scaling = scaling_of(sensor, 1 / DOTS_NOISE_PX if dots else usual)
         layout = replace(model.layout, rows=scaling.trusted.shape[0], cols=scaling.trusted.shape[1])
-    field_readout = described(sensor, scaling, progress).readout
+    field_readout = replace(described(sensor, scaling, progress).readout, refinement=refinement_of(loaded, sensor))
     covered = np.flatnonzero(regions_of(sensor, scaling).covered).tolist()
     card = {
         **measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
@@ -245,6 +246,17 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     }
     new_model = replace(model, layout=layout, bins=field_readout.bins, readout=field_readout, model_id='unsaved')
     return save_model(output, new_model, card)
+
+
+def refinement_of(loaded: LoadedModel, sensor: Sensor) -> Refinement | None:
+    """The refinement of a model `field`, if its sensor has the same gel, camera and bins by its description.
+
+    It was learnt from gels that differ a little, and from calibrations of these.
+    """
+    readout, source = loaded.model.readout, sensor_of(loaded.card, loaded.model_id)
+    alike = _sees_alike(sensor, source) and sensor.gel.layers_mm == source.gel.layers_mm
+    alike = alike and loaded.model.bins == BinGrid.of_sensor(sensor) and sensor.pattern.kind == source.pattern.kind
+    return readout.refinement if isinstance(readout, FieldReadout) and alike else None
 
 
 def _sees_alike(one: Sensor, other: Sensor) -> bool:

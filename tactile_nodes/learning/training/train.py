@@ -17,6 +17,7 @@ from tactile_nodes.learning.config import TIPS, TipsConfig, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import pressed_gel
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
+from tactile_nodes.learning.field.refining import with_refinement
 from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.network.fit import fit_network
 from tactile_nodes.learning.network.inputs import judging_samples
@@ -153,6 +154,8 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     begun = clock.perf_ns()
     if config.readout == 'field':
         field_readout, fitted = train_field(dataset, config.field, config.bins, progress)
+        if config.field.touches and not config.data.file:
+            field_readout, fitted['refinement'] = with_refinement(field_readout, config, progress)
         seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
         return field_readout, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', 'field': fitted}
     settings: TipsConfig

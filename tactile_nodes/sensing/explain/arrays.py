@@ -17,6 +17,7 @@ from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.readout import STILL, FieldReadout
+from tactile_nodes.sensing.explain.field.refinement import INPUTS, Refinement
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
@@ -36,7 +37,8 @@ from tactile_nodes.sensing.explain.uncertainty import Calibration
 from tactile_nodes.sensing.geometry import BinGrid
 
 Arrays = dict[str, np.ndarray]
-NOVELTY_CHECK, TIPS = 'witness.', 'tips.'
+NOVELTY_CHECK, TIPS, REFINEMENT = 'witness.', 'tips.', 'refinement.'
+LAYER = 'kernel', 'bias'
 FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
@@ -242,6 +244,10 @@ def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
         inner, entries = _axisymmetric_arrays(readout.tips)
         arrays |= {TIPS + name: each for name, each in inner.items()}
         tips = {'tips': entries}
+    if readout.refinement is not None:
+        layers = zip(readout.refinement.kernels, readout.refinement.biases, strict=True)
+        for number, (kernel, bias) in enumerate(layers):
+            arrays |= {f'{REFINEMENT}{number}.kernel': kernel, f'{REFINEMENT}{number}.bias': bias}
     numbers = {name: getattr(readout, name) for name in (*FIELD_NUMBERS, 'passes')}
     spread = {'spread': {'response': readout.spread.response, 'place_mm': readout.spread.place[1]}}
     return arrays, {**_entries(readout.kind, readout.scaling, None), **numbers, **spread, **tips}
@@ -257,8 +263,22 @@ def _field(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: B
     spread = FieldSpread(response=float(known['response'])).placed(float(known['place_mm']))
     return FieldReadout(
         _scaling(arrays, entries), response, bins, spread=spread, tips=tips, surface=surface,
-        passes=int(entries.get('passes', 1)), **numbers,
+        passes=int(entries.get('passes', 1)), refinement=_refinement(arrays), **numbers,
     )  # fmt: skip
+
+
+def _refinement(arrays: Mapping[str, np.ndarray]) -> Refinement | None:
+    """The refinement of a field; None if it has none, as older models."""
+    count = sum(name.startswith(REFINEMENT) for name in arrays) // 2
+    if not count:
+        return None
+    parts = ([arrays[f'{REFINEMENT}{k}.{part}'].astype(np.float32) for k in range(count)] for part in LAYER)
+    kernels, biases = (tuple(each) for each in parts)
+    inputs = [INPUTS, *(len(each) for each in kernels)]
+    fits = all(each.shape[1:] == (inputs[k], 3, 3) for k, each in enumerate(kernels))
+    if not fits or inputs[-1] != 3 or any(each.shape != (len(kernels[k]),) for k, each in enumerate(biases)):
+        raise ValueError('the layers of the refinement do not fit each other')
+    return Refinement(kernels, biases)
 
 
 def _require_within(entries: Mapping[str, Any]) -> None:

@@ -158,15 +158,19 @@ class Placed:
         return moved
 
 
-def node_forces(table: TouchTable, touch: Touch) -> tuple[Float[np.ndarray, 'nodes 2'], Float[np.ndarray, 'nodes 3']]:
+def node_forces(
+    table: TouchTable, touch: Touch, moved: float = 1.0
+) -> tuple[Float[np.ndarray, 'nodes 2'], Float[np.ndarray, 'nodes 3']]:
     """Places where forces act now [mm], and these forces over the shear modulus: x, y, into the gel.
+
+    With a share `moved` of 0, the places are those of the same points of the surface without contact.
 
     Forces move with a dragged body: those of a tip that stuck and was dragged by 0.5 mm act 0.5 mm from the place where
     it touched down.
     """
     force = table.between(table.node_force, touch.stage).astype(float)
     force[:, :2] = _turned(force[:, :2], touch.turn_rad)
-    place = table.node_mm + table.between(table.node_moved_mm, touch.stage)
+    place = table.node_mm + moved * table.between(table.node_moved_mm, touch.stage)
     return _turned(place.astype(float), touch.turn_rad) + np.array([touch.x_mm, touch.y_mm]), force
 
 

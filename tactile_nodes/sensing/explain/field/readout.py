@@ -14,6 +14,7 @@ from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.contacts import contacts_of
+from tactile_nodes.sensing.explain.field.refinement import Refinement, inputs_of
 from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import TIPS_OUT_OF_SIGHT, FieldSpread
 from tactile_nodes.sensing.explain.field.sums import about, covariance_of_tips, sums
@@ -63,7 +64,7 @@ class FieldReadout:
     `scaling` holds the regions' values at rest and which regions are known. `response` is their motion [px] under 1 N
     on each patch, as in `FieldSolver`. `misfit_limit` is the misfit that counts as novelty 1. `least_gain` is the least
     gain of any force. `tips` reads frames in which only tips press. `surface` is the motion of the surface under shear,
-    as in `moved_along`. `passes` is as in `FieldSolver`.
+    as in `moved_along`. `passes` is as in `FieldSolver`. `refinement` redistributes the forces of a field.
     """
 
     scaling: InputScaling
@@ -78,13 +79,15 @@ class FieldReadout:
     surface: Float32[np.ndarray, '2 near near'] = field(default_factory=lambda: STILL)
     compiled: bool = False
     passes: int = 1
+    refinement: Refinement | None = None
 
     kind = 'field'
 
     @property
     def parameter_count(self) -> int:
         """Parameters of the response, of the scaling, and of the readout for tips."""
-        return self.response.size + 2 * self.scaling.mean.size + (self.tips.parameter_count if self.tips else 0)
+        parts = [each.parameter_count for each in (self.tips, self.refinement) if each is not None]
+        return self.response.size + 2 * self.scaling.mean.size + sum(parts)
 
     def nominal_n(self, total_n: float) -> float:
         return self.spread.nominal_n(total_n)
@@ -192,7 +195,31 @@ class FieldReadout:
         least = max(self.least_gain, self.solver.unknowns(count))
         if found.gain < least:
             return self._untouched(unlike, self.solver.unseen_n(weights, least))
+        if self.refinement is not None and unlike <= 1:
+            found = self.refinement.refined(found, self._inputs(found, motion, noise_px))
         return self._reading(found, unlike, self.solver.reduced_n(weights, found.total_n))
+
+    def solved(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> tuple[Field, Float32[np.ndarray, 'inputs h w']] | None:
+        """The field that explains a frame, before it is refined, and the inputs of a refinement; None if none does."""
+        if (observed := self.observed(values, confidence)) is None:
+            return None
+        noise_px, motion, weights = observed
+        try:
+            found = self.solver.field(motion, weights)
+        except np.linalg.LinAlgError:
+            return None
+        return (found, self._inputs(found, motion, noise_px)) if found.active.size else None
+
+    def _inputs(
+        self, found: Field, motion: Float[np.ndarray, 'regions 2'], noise_px: float
+    ) -> Float32[np.ndarray, 'inputs h w']:
+        """The inputs of a refinement."""
+        maps = np.zeros((self.scaling.trusted.size, 4), np.float32)
+        maps[self._known, :2] = motion - self.solver.motion_under(found).reshape(-1, 2)
+        maps[self._known, 2:] = motion
+        return inputs_of(found, maps.reshape(*self.scaling.trusted.shape, 4), noise_px, self.solver.patches.shape)
 
     def _tips(
         self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray

@@ -253,6 +253,12 @@ class FieldSolver:
         information[of_each] += np.float32(max(granted, UNSTABLE * float(information[of_each].max())))
         return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
 
+    def motion_under(self, found: Field) -> Float[np.ndarray, ' rows']:
+        """Motion of the regions under the forces of a field on its active patches."""
+        caused = self._caused(self._by_force, found.active)
+        moved: np.ndarray = found.forces_n[:, found.active].reshape(-1).astype(np.float32) @ caused
+        return moved
+
     def hidden(self, pressed: Float[np.ndarray, ' patches']) -> float:
         """How much less visible forces are than on most patches: the ratio minus 1; 0 for usual visibility."""
         shown = float(pressed @ self._shown) / max(float(pressed.sum()), LEAST_N)

@@ -1,0 +1,213 @@
+"""Fits the network of a refinement in torch, by solved fields of simulated touches and their true forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tactile_nodes.learning.network.layers import import_torch
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.elasticity.patches import PER_BIN
+from tactile_nodes.sensing.explain.field.refinement import (
+    CHANGE,
+    FORCE_TIMES,
+    GROWN,
+    INPUTS,
+    LEAST_SPREAD,
+    MARGIN,
+    SOLVED,
+    VECTORS,
+    Refinement,
+)
+from tactile_nodes.shapes import Float32
+
+if TYPE_CHECKING:
+    import torch
+
+HIDDEN = 16, 16, 16
+EPOCHS, BATCH = 80, 64
+STEEPEST, DECAY = 5e-3, 3e-2
+"""Highest rate of the one-cycle schedule (Smith 2018), and the decay of the weights (AdamW)."""
+
+FIRST_CHANGE = 0.02
+"""Factor on the last layer's initial weights: at first nothing changes."""
+
+SQUARED, SHEARED, FINE = 2.0, 0.3, 1.0
+"""Weights of the squared error of bins, of the error of their shear, and of the squared error of patches, beside the
+misplaced share of the force."""
+
+LIGHT_N, HARD_N = 0.1, 3.0
+"""Squared errors count by the total force, from this one to that one."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Inputs of the network, the solved forces and the true ones, as shares of the solved and true total normal force.
+
+    `total_n` is the true total [N].
+    """
+
+    inputs: Float32[np.ndarray, 'n inputs h w']
+    solved: Float32[np.ndarray, 'n 3 h w']
+    true: Float32[np.ndarray, 'n 3 h w']
+    total_n: Float32[np.ndarray, ' n']
+
+    @classmethod
+    def joined(cls, parts: Sequence[Samples]) -> Samples:
+        """All samples of some parts."""
+        names = 'inputs', 'solved', 'true', 'total_n'
+        return cls(*(np.concatenate([getattr(each, name) for each in parts]) for name in names))
+
+
+def misplaced(shares: Float32[np.ndarray, 'n 3 h w'], true: Float32[np.ndarray, 'n 3 h w']) -> float:
+    """Mean share of the normal force that is in the wrong bins."""
+    off = _over_bins(shares[:, 0]) - _over_bins(true[:, 0])
+    return float(np.abs(off).sum(axis=(1, 2)).mean() / 2)
+
+
+def _over_bins(values: Any) -> Any:
+    """Sums over the patches of each bin, of an array or a tensor."""
+    *others, rows, cols = values.shape
+    return values.reshape(*others, rows // PER_BIN, PER_BIN, cols // PER_BIN, PER_BIN).sum((-3, -1))
+
+
+def fit_refinement(samples: Samples, seed: int, progress: Progress) -> Refinement:
+    """The network that brings solved forces closest to the true ones.
+
+    Each batch is turned by quarters and mirrored at random: no direction differs from another.
+
+    Raises:
+        ConfigurationError: torch is not installed.
+    """
+    torch = import_torch()
+    torch.manual_seed(seed)
+    random, count = np.random.default_rng(seed), len(samples.inputs)
+    layers = _layers()
+    optimizer = torch.optim.AdamW([each for layer in layers for each in layer.parameters()], weight_decay=DECAY)
+    steps = EPOCHS * -(-count // BATCH)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, STEEPEST, steps)
+    inputs, solved, true = (torch.from_numpy(each) for each in (samples.inputs, samples.solved, samples.true))
+    weights = torch.from_numpy(np.clip(samples.total_n, LIGHT_N, HARD_N))
+    with progress.bar('fitting the refinement', EPOCHS) as bar:
+        for _ in range(EPOCHS):
+            for rows in np.array_split(random.permutation(count), -(-count // BATCH)):
+                quarters, mirrored = int(random.integers(4)), bool(random.integers(2))
+                seen, field, wanted = (
+                    _turned(each[rows], vectors, quarters, mirrored=mirrored)
+                    for each, vectors in ((inputs, VECTORS), (solved, ((1, 2),)), (true, ((1, 2),)))
+                )
+                loss = _loss(_refined(layers, seen, field), wanted, weights[rows])
+                optimizer.zero_grad()
+                torch.autograd.backward(loss)
+                optimizer.step()
+                schedule.step()
+            bar.advance()
+    kernels, biases = zip(
+        *([part.detach().numpy().copy() for part in each.parameters()] for each in layers), strict=True
+    )
+    return Refinement(kernels, biases)
+
+
+def _layers() -> list[torch.nn.Conv2d]:
+    import torch
+
+    sizes = INPUTS, *HIDDEN, 3
+    layers = [torch.nn.Conv2d(before, after, 3, padding=1) for before, after in pairwise(sizes)]
+    with torch.no_grad():
+        for part, factor in zip(layers[-1].parameters(), (FIRST_CHANGE, 0.0), strict=True):
+            part.mul_(factor)
+    return layers
+
+
+def _refined(layers: Sequence[torch.nn.Conv2d], inputs: torch.Tensor, solved: torch.Tensor) -> torch.Tensor:
+    """As `Refinement.refined`, for shares of the total force."""
+    import torch
+
+    active = inputs[:, SOLVED : SOLVED + 1]
+    box = _around(active, 2) * _around(active, 3)
+    values = inputs * box
+    for layer in layers[:-1]:
+        values = torch.relu(layer(values)) * box
+    grown = torch.nn.functional.max_pool2d(active, 2 * GROWN + 1, 1, GROWN)
+    changed = (solved + CHANGE * layers[-1](values)) * grown
+    return _kept(changed, solved)
+
+
+def _kept(changed: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
+    """As in `sensing.explain.field.refinement`."""
+    import torch
+
+    rows, cols = changed.shape[2:]
+    lines = torch.meshgrid(torch.arange(rows).float(), torch.arange(cols).float(), indexing='ij')
+    place = torch.stack([lines[1], lines[0]])[None]
+    centre = (before[:, :1] * place).sum((2, 3), keepdim=True)
+    normal = _of_one(torch.relu(changed[:, :1]))
+    middle = (normal * place).sum((2, 3), keepdim=True)
+    away = place - middle
+    spread = torch.einsum('nihw,njhw,nhw->nij', away, away, normal[:, 0]) + LEAST_SPREAD * torch.eye(2)
+    plane = torch.linalg.solve(spread, (centre - middle)[..., 0])
+    normal = _of_one(normal * torch.relu(1 + (plane[..., None] * away).sum(1, keepdim=True)))
+    shear = changed[:, 1:]
+    shear = shear * torch.clamp(normal / shear.norm(dim=1, keepdim=True).clamp_min(1e-9), max=1.0)
+    across = torch.stack([centre[:, 1] - place[:, 1], place[:, 0] - centre[:, 0]], 1)
+    missing = before[:, 1:] - shear
+    wide = LEAST_SPREAD + (across.square().sum(1, keepdim=True) * normal).sum((2, 3), keepdim=True)
+    turned = (across * missing).sum((1, 2, 3), keepdim=True) / wide
+    return torch.cat([normal, shear + normal * (missing.sum((2, 3), keepdim=True) + turned * across)], 1)
+
+
+def _of_one(normal: torch.Tensor) -> torch.Tensor:
+    """Forces with the sum 1."""
+    return normal / normal.sum((2, 3), keepdim=True).clamp_min(1e-6)
+
+
+def _around(active: torch.Tensor, along: int) -> torch.Tensor:
+    """1 on the lines along an axis from the first to the last active one, and on a margin."""
+    import torch
+
+    there = active.amax(5 - along, keepdim=True)
+    count = there.shape[along]
+    number = torch.arange(count).view([-1 if axis == along else 1 for axis in range(4)])
+    first = torch.where(there > 0, number, count).amin(along, keepdim=True) - MARGIN
+    last = torch.where(there > 0, number, -1).amax(along, keepdim=True) + MARGIN
+    return ((number >= first) & (number <= last)).float()
+
+
+def _loss(refined: torch.Tensor, true: torch.Tensor, total_n: torch.Tensor) -> torch.Tensor:
+    off = _over_bins(refined) - _over_bins(true)
+    wrong = off[:, 0].abs().sum((1, 2)) / 2
+    squared = total_n * off[:, 0].square().sum((1, 2))
+    sheared = (off[:, 1:].square().sum((1, 2, 3)) + 1e-12).sqrt()
+    fine = (refined - true).square().sum((1, 2, 3))
+    loss: torch.Tensor = (wrong + SQUARED * squared + SHEARED * sheared + FINE * fine).mean()
+    return loss
+
+
+def _turned(values: torch.Tensor, vectors: Sequence[tuple[int, int]], quarters: int, *, mirrored: bool) -> torch.Tensor:
+    """Maps mirrored along x and turned by quarters, with their vectors."""
+    import torch
+
+    if mirrored:
+        values = torch.flip(values, [3])
+        for x, _ in vectors:
+            values[:, x] = -values[:, x]
+    for _ in range(quarters):  # x to the right becomes -y
+        values = torch.rot90(values, 1, [2, 3]).clone()
+        for x, y in vectors:
+            along_x, along_y = values[:, x].clone(), values[:, y].clone()
+            values[:, x], values[:, y] = along_y, -along_x
+    return values
+
+
+def shares_of(refinement: Refinement, inputs: Float32[np.ndarray, 'inputs h w']) -> Float32[np.ndarray, '3 h w']:
+    """The refined forces as shares of the total normal force."""
+    from tactile_nodes.sensing.explain.field.solver import Field
+
+    forces = inputs[:3].reshape(3, -1) / FORCE_TIMES
+    found = Field(forces.astype(float), np.flatnonzero(inputs[SOLVED]), np.zeros((0, 0)), 0.0, 0.0)
+    refined: np.ndarray = refinement.refined(found, inputs).forces_n.reshape(3, *inputs.shape[1:])
+    return refined

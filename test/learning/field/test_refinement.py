@@ -1,0 +1,145 @@
+"""A refinement in torch and in NumPy, and what it keeps of a solved field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.contact_tables.touch_tables import ready_contacts
+from tactile_nodes.learning.field.calibration import refinement_of
+from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES, INPUTS, SOLVED, Refinement, inputs_of
+from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.geometry import Crop
+from tactile_nodes.sensors import load_sensor
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics
+from tactile_nodes.simulation.scene import truth_of_touch
+from tactile_nodes.simulation.touch.table import Touch
+
+pytest.importorskip('torch')
+SHAPE = 18, 18
+
+
+@pytest.fixture(scope='module')
+def shipped() -> LoadedModel:
+    return load_model(find_model('field'))
+
+
+def smeared_samples(count: int) -> Samples:
+    """Squares of force that a solver would have spread by one patch to all sides; they pull to the right."""
+    random, true = np.random.default_rng(5), np.zeros((count, 3, *SHAPE), np.float32)
+    for each in true:
+        row, col = random.integers(3, 13, 2)
+        each[0, row : row + 2, col : col + 2] = 0.25
+        each[1] = 0.2 * each[0]
+    solved = np.zeros_like(true)
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            solved += np.roll(true, (down, right), (2, 3)) / 9
+    inputs = np.zeros((count, INPUTS, *SHAPE), np.float32)
+    inputs[:, :3], inputs[:, SOLVED] = FORCE_TIMES * solved, solved[:, 0] > 0
+    return Samples(inputs, solved, true, np.ones(count, np.float32))
+
+
+@pytest.fixture(scope='module')
+def learnt() -> Refinement:
+    return fit_refinement(smeared_samples(200), 1, Progress())
+
+
+def test_it_undoes_the_smearing_that_it_has_seen_and_keeps_total_and_net_shear(learnt: Refinement) -> None:
+    samples = smeared_samples(230)
+    unseen = range(200, 230)
+    refined = np.stack([shares_of(learnt, samples.inputs[k]) for k in unseen])
+    before, after = misplaced(samples.solved[unseen], samples.true[unseen]), misplaced(refined, samples.true[unseen])
+    assert after < before / 2
+    assert refined[:, 0].min() >= 0
+    np.testing.assert_allclose(refined.sum(axis=(2, 3)), [[1.0, 0.2, 0.0]] * 30, atol=1e-6)
+
+
+def test_forces_stay_within_a_patch_of_the_solved_ones(learnt: Refinement) -> None:
+    inputs = smeared_samples(1).inputs[0]
+    there, reached = inputs[SOLVED] > 0, shares_of(learnt, inputs)[0] > 0
+    rows, cols = np.nonzero(there)
+    allowed = np.zeros(SHAPE, bool)
+    allowed[rows.min() - 1 : rows.max() + 2, cols.min() - 1 : cols.max() + 2] = True
+    assert not (reached & ~allowed).any()
+
+
+def test_numpy_gives_the_field_of_the_torch_network() -> None:
+    """NumPy computes on the box around a contact what torch computes on the whole surface."""
+    import torch
+
+    from tactile_nodes.learning.field.refinement_fit import _layers, _refined
+
+    torch.manual_seed(3)
+    layers = _layers()
+    for layer in layers:
+        layer.reset_parameters()
+    samples = smeared_samples(4)
+    samples.inputs[:, 3:7] = np.random.default_rng(1).normal(size=(4, 4, *SHAPE))
+    with torch.no_grad():
+        expected = _refined(layers, torch.from_numpy(samples.inputs), torch.from_numpy(samples.solved)).numpy()
+        arrays = [[part.numpy() for part in layer.parameters()] for layer in layers]
+    network = Refinement(tuple(kernel for kernel, _ in arrays), tuple(bias for _, bias in arrays))
+    for inputs, wanted in zip(samples.inputs, expected, strict=True):
+        np.testing.assert_allclose(shares_of(network, inputs), wanted, atol=2e-6)
+
+
+def test_regions_at_rest_give_finite_inputs() -> None:
+    field = Field(np.zeros((3, 324)), np.array([40]), np.zeros((0, 0)), 0.0, 0.0)
+    assert np.isfinite(inputs_of(field, np.zeros((20, 20, 4), np.float32), 0.005, SHAPE)).all()
+
+
+def test_the_shipped_model_puts_more_of_a_rings_force_into_the_right_bins(shipped: LoadedModel) -> None:
+    """The refinement was not learnt from this body; the total stays as it was."""
+    readout, gel = shipped.model.readout, Gel()
+    assert isinstance(readout, FieldReadout)
+    table = ready_contacts(gel)['ring']
+    optics = Optics(gel, contact_table(gel), bodies={'ring': table})
+    flow, encoding = make_flow(*shipped.flow), make_encoding(*shipped.encoding)
+    crop = Crop.centred(gel.image_width, gel.image_height, *shipped.image_size)
+    rest = np.ascontiguousarray(crop.apply(optics.render((), 1)))
+    flow.set_reference(rest)
+    encoding.set_reference(rest)
+    wrong = []
+    for number, (x_mm, y_mm) in enumerate(((2.0, -3.0), (-4.0, 1.0), (0.5, 5.0), (-3.0, -4.0))):
+        touch = Touch('ring', x_mm, y_mm, float(number), float(table.presses))
+        image = np.ascontiguousarray(crop.apply(optics.render((touch,), 2 + number)))
+        seen = encoding.encode(flow.displacement(image))
+        true = truth_of_touch(touch, table, gel.shear_modulus_mpa, readout.bins)
+        found = [each.read(seen.values, seen.confidence) for each in (replace(readout, refinement=None), readout)]
+        solved, refined = (each.normal_force_n for each in found)
+        wrong.append([float(np.abs(each - true.normal_force_n).sum()) for each in (solved, refined)])
+        assert refined.sum() == pytest.approx(solved.sum(), rel=1e-5)
+    before, after = np.sum(wrong, axis=0)
+    assert after < 0.8 * before
+
+
+def test_a_model_file_keeps_it_and_refuses_layers_that_do_not_fit(shipped: LoadedModel) -> None:
+    readout = shipped.model.readout
+    assert isinstance(readout, FieldReadout) and readout.refinement is not None
+    arrays, entries = readout_arrays(readout)
+    again = readout_from(arrays, entries, readout.bins)
+    assert isinstance(again, FieldReadout) and again.refinement is not None
+    np.testing.assert_array_equal(again.refinement.kernels[1], readout.refinement.kernels[1])
+    arrays['refinement.1.kernel'] = arrays['refinement.1.kernel'][:, :5]
+    with pytest.raises(ValueError, match='layers of the refinement do not fit'):
+        readout_from(arrays, entries, readout.bins)
+
+
+def test_a_sensor_with_another_gel_or_camera_does_not_take_it_over(shipped: LoadedModel) -> None:
+    sensor = load_sensor('simulated')
+    assert refinement_of(shipped, sensor) is not None
+    thicker = replace(sensor.gel, layers_mm=(1.5, 6.0), markers_mm=(1.5, 7.5))
+    assert refinement_of(shipped, replace(sensor, gel=thicker)) is None
+    assert refinement_of(shipped, load_sensor('digit_like')) is None
