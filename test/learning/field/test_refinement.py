@@ -143,3 +143,20 @@ def test_a_sensor_with_another_gel_or_camera_does_not_take_it_over(shipped: Load
     thicker = replace(sensor.gel, layers_mm=(1.5, 6.0), markers_mm=(1.5, 7.5))
     assert refinement_of(shipped, replace(sensor, gel=thicker)) is None
     assert refinement_of(shipped, load_sensor('digit_like')) is None
+
+
+def test_a_picture_without_noise_is_read(shipped: LoadedModel) -> None:
+    """Only regions under the contact move, so that the frame's own noise is 0."""
+    readout = shipped.model.readout
+    assert isinstance(readout, FieldReadout)
+    forces = np.zeros((3, 324))
+    forces[0, [78, 79, 80, 132, 133, 134]] = 0.5
+    motion = (readout.response @ forces.reshape(-1)).reshape(-1, 2)
+    values = np.zeros_like(readout.scaling.mean)
+    values.reshape(-1, 2)[readout.scaling.trusted.reshape(-1) > 0] = np.where(np.abs(motion) > 0.4, motion, 0)
+    still = replace(readout, scaling=replace(readout.scaling, mean=np.zeros_like(values)), misfit_limit=100.0)
+    sure = np.ones(values.shape[:2], np.float32)
+    assert still.weighed(values, sure)[0] == 0
+    found = still.read(values, sure)
+    assert found.acting is not None and found.acting.explanation == 'field'
+    assert found.normal_force_n.sum() == pytest.approx(3.0, rel=0.2)

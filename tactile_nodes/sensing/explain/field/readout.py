@@ -219,6 +219,7 @@ class FieldReadout:
         maps = np.zeros((self.scaling.trusted.size, 4), np.float32)
         maps[self._known, :2] = motion - self.solver.motion_under(found).reshape(-1, 2)
         maps[self._known, 2:] = motion
+        noise_px = max(noise_px, self.noise_px)
         return inputs_of(found, maps.reshape(*self.scaling.trusted.shape, 4), noise_px, self.solver.patches.shape)
 
     def _tips(
