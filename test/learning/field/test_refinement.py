@@ -145,6 +145,13 @@ def test_a_sensor_with_another_gel_or_camera_does_not_take_it_over(shipped: Load
     assert refinement_of(shipped, load_sensor('digit_like')) is None
 
 
+def test_a_wide_contact_stays_as_it_is(learnt: Refinement) -> None:
+    """40 patches with equal force are twice what counts as wide."""
+    inputs = np.zeros((INPUTS, *SHAPE), np.float32)
+    inputs[0, 5:10, 4:12], inputs[SOLVED, 5:10, 4:12] = FORCE_TIMES / 40, 1
+    np.testing.assert_allclose(shares_of(learnt, inputs), inputs[:3] / FORCE_TIMES, atol=1e-7)
+
+
 def test_a_picture_without_noise_is_read(shipped: LoadedModel) -> None:
     """Only regions under the contact move, so that the frame's own noise is 0."""
     readout = shipped.model.readout

@@ -78,12 +78,17 @@ class Refinement:
         return sum(each.size for each in (*self.kernels, *self.biases))
 
     def refined(self, found: Field, inputs: Float32[np.ndarray, 'inputs h w']) -> Field:
-        """The field with its forces redistributed; `inputs` are as from `inputs_of`."""
+        """The field with its forces redistributed; `inputs` are as from `inputs_of`.
+
+        Contacts wider than the bodies that were learnt from stay as they are: more of the force of a flat square of
+        20 mm would be misplaced, 14 to 20 % instead of 6 % (`tactile bench contacts`).
+        """
         rows, cols = (_around(inputs[SOLVED].any(axis=axis)) for axis in (1, 0))
         near = np.s_[:, rows, cols]
         seen, forces = inputs[near], found.forces_n.reshape(3, *inputs.shape[1:])
         before = forces[near]
-        changed = before + CHANGE * max(found.total_n, LEAST_N) * self._changes(seen)
+        change = CHANGE * (1 - found.wide) * max(found.total_n, LEAST_N)
+        changed = before + change * self._changes(seen)
         changed *= cv2.dilate(seen[SOLVED], _GROWN)
         if changed[0].max() <= 0:
             return found
