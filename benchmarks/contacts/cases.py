@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.contact_tables.touch_tables import first_solved, tried_forces
+from tactile_nodes.contact_tables.touch_tables import first_solved, random_ways
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.body import Body, grid
@@ -33,7 +33,6 @@ class Case:
     number: int
     touch: Touch
     table: TouchTable
-    dragged: bool
 
     @property
     def name(self) -> str:
@@ -68,7 +67,7 @@ def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
             way = Way(force_mm2=round(force_n / gel.shear_modulus_mpa, 6), press_stages=2)
             table = first_solved(gel, body, [way])
             touch = Touch(f'{BROAD}-{number}', 1.0, -1.0, 0.2, float(table.stages - 1))
-            found.append(Case(f'{BROAD}, {force_n:g} N', number, touch, table, False))
+            found.append(Case(f'{BROAD}, {force_n:g} N', number, touch, table))
             bar.advance()
     return found
 
@@ -79,20 +78,11 @@ def solved(job: Wanted) -> Case:
     random = np.random.default_rng([job.seed, job.place, number])
     body, hardest = make_body(family, random), HARDEST_OF.get(family, HARDEST_N)
     force_n = LIGHTEST_N + (hardest - LIGHTEST_N) * float(random.uniform()) ** 1.5
-    dragged, twisted = bool(random.uniform() < 0.75), bool(random.uniform() < 0.3)
-    drag_mm, drag_rad = float(random.uniform(0.05, 0.8)), float(random.uniform(0, math.tau))
-    twist_rad, friction = float(random.uniform(-0.15, 0.15)), float(random.uniform(0.3, 0.9))
+    ways = random_ways(random, gel, force_n, LIGHTEST_N)
     at_mm, turn_rad = random.uniform(-1, 1, 2), float(random.uniform(0, math.tau))
-    ways = [
-        Way(
-            force_mm2=round(force / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
-            twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
-        )
-        for force in tried_forces(force_n, LIGHTEST_N)
-    ]  # fmt: skip
     table = first_solved(gel, body, ways)
     extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
     reach = np.maximum(np.array(gel.sides_mm) / 2 - RIM_MM - extent, 0.0)
     x_mm, y_mm = (at_mm * reach).tolist()
     touch = Touch(f'{family}-{job.seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
-    return Case(family, number, touch, table, dragged)
+    return Case(family, number, touch, table)

@@ -16,11 +16,13 @@ with more entries::
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
@@ -127,13 +129,26 @@ def first_solved(gel: Gel, body: Body, ways: Sequence[Way]) -> TouchTable:
     raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')
 
 
-def tried_forces(force_n: float, lightest_n: float) -> Iterator[float]:
-    """A force, then halves of it down to a quarter of the lightest, then two and four times the force."""
-    halved = force_n
-    while halved > lightest_n / 4:
-        yield halved
-        halved /= 2
-    yield from (2 * force_n, 4 * force_n)
+def random_ways(random: np.random.Generator, gel: Gel, force_n: float, lightest_n: float) -> list[Way]:
+    """A random path, mostly dragged and sometimes twisted: to a force, and in case that cannot be solved, to others.
+
+    These are halves of the force, down to a quarter of the lightest, then two and four times the force.
+    """
+    from tactile_nodes.simulation.touch.track import Way
+
+    dragged, twisted = bool(random.uniform() < 0.75), bool(random.uniform() < 0.3)
+    drag_mm, drag_rad = float(random.uniform(0.05, 0.8)), float(random.uniform(0, math.tau))
+    twist_rad, friction = float(random.uniform(-0.15, 0.15)), float(random.uniform(0.3, 0.9))
+    forces_n = [force_n]
+    while forces_n[-1] / 2 > lightest_n / 4:
+        forces_n.append(forces_n[-1] / 2)
+    return [
+        Way(
+            force_mm2=round(each / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
+            twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
+        )
+        for each in (*forces_n, 2 * force_n, 4 * force_n)
+    ]  # fmt: skip
 
 
 def ready_contacts(gel: Gel) -> dict[str, TouchTable]:

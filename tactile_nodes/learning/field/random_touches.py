@@ -14,7 +14,7 @@ import numpy as np
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.gel_tables import contact_table
-from tactile_nodes.contact_tables.touch_tables import first_solved, tried_forces
+from tactile_nodes.contact_tables.touch_tables import first_solved, random_ways
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.simulated import Block, measured_by, noise_seeds, recipe_id
@@ -29,7 +29,6 @@ from tactile_nodes.simulation.optics import Optics
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 from tactile_nodes.simulation.touch.random_bodies import random_body
 from tactile_nodes.simulation.touch.table import Touch, TouchTable, node_forces, over_bins
-from tactile_nodes.simulation.touch.track import Way
 
 GELS = 6
 """Gels that are touched in turn."""
@@ -119,17 +118,7 @@ def _solved(gel: Gel, random: np.random.Generator) -> TouchTable:
     """A random body, pressed and mostly dragged."""
     body = random_body(random)
     force_n = LIGHTEST_N + (HARDEST_N - LIGHTEST_N) * float(random.uniform()) ** 1.2
-    dragged, twisted = bool(random.uniform() < 0.75), bool(random.uniform() < 0.3)
-    drag_mm, drag_rad = float(random.uniform(0.05, 0.8)), float(random.uniform(0, math.tau))
-    twist_rad, friction = float(random.uniform(-0.15, 0.15)), float(random.uniform(0.3, 0.9))
-    ways = [
-        Way(
-            force_mm2=round(force / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
-            twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
-        )
-        for force in tried_forces(force_n, LIGHTEST_N)
-    ]  # fmt: skip
-    return first_solved(gel, body, ways)
+    return first_solved(gel, body, random_ways(random, gel, force_n, LIGHTEST_N))
 
 
 def _placed(gel: Gel, table: TouchTable, random: np.random.Generator) -> Iterator[Touch]:

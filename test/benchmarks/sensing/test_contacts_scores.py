@@ -24,7 +24,7 @@ GEL, BINS = Gel(), BinGrid()
 @pytest.fixture(scope='module')
 def case() -> Case:
     table = ready_contacts(GEL)['ring']
-    return Case('ring', 0, Touch('ring', 5.0, -1.0, 0.3, float(table.stages - 1)), table, True)
+    return Case('ring', 0, Touch('ring', 5.0, -1.0, 0.3, float(table.stages - 1)), table)
 
 
 def force_of(case: Case, roll: int = 0) -> types.ForceDistribution:
