@@ -253,10 +253,13 @@ def refinement_of(loaded: LoadedModel, sensor: Sensor) -> Refinement | None:
 
     It was learnt from gels that differ a little, and from calibrations of these.
     """
-    readout, source = loaded.model.readout, sensor_of(loaded.card, loaded.model_id)
+    readout = loaded.model.readout
+    if not isinstance(readout, FieldReadout) or readout.refinement is None:
+        return None
+    source = sensor_of(loaded.card, loaded.model_id)
     alike = _sees_alike(sensor, source) and sensor.gel.layers_mm == source.gel.layers_mm
     alike = alike and loaded.model.bins == BinGrid.of_sensor(sensor) and sensor.pattern.kind == source.pattern.kind
-    return readout.refinement if isinstance(readout, FieldReadout) and alike else None
+    return readout.refinement if alike else None
 
 
 def _sees_alike(one: Sensor, other: Sensor) -> bool:

@@ -145,6 +145,11 @@ def test_a_sensor_with_another_gel_or_camera_does_not_take_it_over(shipped: Load
     assert refinement_of(shipped, load_sensor('digit_like')) is None
 
 
+def test_an_older_model_that_does_not_name_its_sensor_has_none(shipped: LoadedModel) -> None:
+    older = replace(shipped.model, readout=replace(shipped.model.readout, refinement=None))
+    assert refinement_of(replace(shipped, model=older, card={}), load_sensor('simulated')) is None
+
+
 def test_a_wide_contact_stays_as_it_is(learnt: Refinement) -> None:
     """40 patches with equal force are twice what counts as wide."""
     inputs = np.zeros((INPUTS, *SHAPE), np.float32)
