@@ -1,6 +1,7 @@
 """Random bodies to learn from: one to four simple shapes at random places, alike or not, some wavy or tilted.
 
-They share no shape parameter with the ten families that contacts are tested with.
+The shapes are balls, discs, plates, rods and rings of random sizes. The ten families that contacts are tested with are
+made of such shapes, too; their bodies have other sizes and seeds.
 """
 
 from __future__ import annotations

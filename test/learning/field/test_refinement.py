@@ -101,7 +101,7 @@ def test_regions_at_rest_give_finite_inputs() -> None:
 
 
 def test_the_shipped_model_puts_more_of_a_rings_force_into_the_right_bins(shipped: LoadedModel) -> None:
-    """The refinement was not learnt from this body; the total stays as it was."""
+    """The refinement was learnt from other bodies; the total stays as it was."""
     readout, gel = shipped.model.readout, Gel()
     assert isinstance(readout, FieldReadout)
     table = ready_contacts(gel)['ring']
