@@ -94,17 +94,9 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
     Raises:
         ConfigurationError: the contact is unknown or cannot be solved.
     """
-    from tactile_nodes.simulation.touch.bricks import Bricks
-    from tactile_nodes.simulation.touch.track import solve_track
-
     problem = _problem(gel, contact)
-    if (found := known_table(problem.key)) is not None:
-        return found
-    track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell, gel.shear_modulus_mpa)
-    table = TouchTable.of_track(track, -gel.skin_mm)
-    with suppress(OSError, ConfigurationError):
-        write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
-    return table
+    found = known_table(problem.key)
+    return _solved(gel, problem, tell) if found is None else found
 
 
 def first_solved(gel: Gel, body: Body, ways: Sequence[Way]) -> TouchTable:
@@ -113,19 +105,13 @@ def first_solved(gel: Gel, body: Body, ways: Sequence[Way]) -> TouchTable:
     Raises:
         ConfigurationError: none can be solved: there is too much strain, or the body hardly touches.
     """
-    from tactile_nodes.simulation.touch.bricks import Bricks, Layer
-    from tactile_nodes.simulation.touch.track import solve_track, track_key
-
-    layer = Layer(CELLS, CELL_MM, gel.layer_mm)
-    keys = [table_key(track_key(layer, body, way), gel) for way in ways]
-    for key in keys:
-        if (known := known_table(key)) is not None:
+    problems = [_problem_of(gel, body, way) for way in ways]
+    for problem in problems:
+        if (known := known_table(problem.key)) is not None:
             return known
-    for key, way in zip(keys, ways, strict=True):
+    for problem in problems:
         with suppress(ConfigurationError):
-            table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm)
-            write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
-            return table
+            return _solved(gel, problem)
     raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')
 
 
@@ -176,18 +162,34 @@ class _Problem(NamedTuple):
 
 
 def _problem(gel: Gel, contact: Contact) -> _Problem:
-    from tactile_nodes.simulation.touch.bricks import Layer
-    from tactile_nodes.simulation.touch.track import track_key
-
-    layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
+    body = body_of(contact.body, contact.tilt_deg)
     wide_mm, narrow_mm = 2 * body.reach_mm, min(gel.sides_mm)
     if wide_mm > narrow_mm:
         raise ConfigurationError(
             f'{body.name} is {wide_mm:.0f} mm wide about its origin, but the gel only {narrow_mm:g} mm; give a smaller '
             'body, or place it nearer to the middle'
         )
-    way = _way(contact, gel)
+    return _problem_of(gel, body, _way(contact, gel))
+
+
+def _problem_of(gel: Gel, body: Body, way: Way) -> _Problem:
+    from tactile_nodes.simulation.touch.bricks import Layer
+    from tactile_nodes.simulation.touch.track import track_key
+
+    layer = Layer(CELLS, CELL_MM, gel.layer_mm)
     return _Problem(layer, body, way, table_key(track_key(layer, body, way), gel))
+
+
+def _solved(gel: Gel, problem: _Problem, tell: Tell | None = None) -> TouchTable:
+    """Solve a problem, and keep its table in the cache if that can be written."""
+    from tactile_nodes.simulation.touch.bricks import Bricks
+    from tactile_nodes.simulation.touch.track import solve_track
+
+    track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell, gel.shear_modulus_mpa)
+    table = TouchTable.of_track(track, -gel.skin_mm)
+    with suppress(OSError, ConfigurationError):
+        write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
+    return table
 
 
 def table_key(track: str, gel: Gel) -> str:

@@ -10,8 +10,15 @@ from tactile_nodes import paths
 from tactile_nodes.contact_tables import touch_tables
 from tactile_nodes.contact_tables.gel_tables import load_gel
 from tactile_nodes.contact_tables.touch_bodies import body_of
-from tactile_nodes.contact_tables.touch_tables import Contact, ready_contacts, solved_contact, usual_contact
+from tactile_nodes.contact_tables.touch_tables import (
+    Contact,
+    first_solved,
+    ready_contacts,
+    solved_contact,
+    usual_contact,
+)
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.touch.track import Way
 
 
 @pytest.fixture(autouse=True)
@@ -61,6 +68,15 @@ def test_the_usual_contacts_need_no_cache(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv('XDG_CACHE_HOME', '/dev/null')
     assert list(ready_contacts(load_gel('paper'))) == ['ring', 'edge', 'two']
     assert ready_contacts(load_gel('thin')) == {}
+
+
+def test_the_first_force_that_can_be_solved_is_taken_and_needs_no_cache(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv('XDG_CACHE_HOME', '/dev/null')
+    monkeypatch.setattr(touch_tables, 'CELLS', 40)
+    monkeypatch.setattr(touch_tables, 'CELL_MM', 0.8)
+    too_hard, light = (Way(force_mm2=force, press_stages=1) for force in (1e5, 4.5))
+    table = first_solved(load_gel('paper'), body_of('ball'), [too_hard, light])
+    assert table.force[-1, 2] == pytest.approx(4.5, rel=0.02)
 
 
 def test_a_description_says_what_presses_and_how(tmp_path: Path):

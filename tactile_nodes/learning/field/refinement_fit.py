@@ -23,6 +23,7 @@ from tactile_nodes.sensing.explain.field.refinement import (
     VECTORS,
     Refinement,
 )
+from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.shapes import Float32
 
 if TYPE_CHECKING:
@@ -205,8 +206,6 @@ def _turned(values: torch.Tensor, vectors: Sequence[tuple[int, int]], quarters: 
 
 def shares_of(refinement: Refinement, inputs: Float32[np.ndarray, 'inputs h w']) -> Float32[np.ndarray, '3 h w']:
     """The refined forces as shares of the total normal force."""
-    from tactile_nodes.sensing.explain.field.solver import Field
-
     forces = inputs[:3].reshape(3, -1) / FORCE_TIMES
     found = Field(forces.astype(float), np.flatnonzero(inputs[SOLVED]), np.zeros((0, 0)), 0.0, 0.0)
     refined: np.ndarray = refinement.refined(found, inputs).forces_n.reshape(3, *inputs.shape[1:])
