@@ -119,20 +119,21 @@ def run_view(
 
 
 def _printing() -> Show:
-    """Prints each snapshot as a line, followed by the warnings of nodes since the previous one."""
+    """Prints each snapshot as a line, followed by the address of a new page and new warnings of nodes."""
     from tactile_nodes.cli.view import hand, render
 
     before: tuple[str, ...] = ()
 
     def show(shot: Snapshot) -> None:
         nonlocal before
+        told = (*render.pages(shot), *shot.logs)
         print(
             hand.line(shot) if shot.sensors else render.line(shot),
-            *(text for text in shot.logs if text not in before),
+            *(text for text in told if text not in before),
             sep='\n',
             flush=True,
         )
-        before = shot.logs
+        before = told
 
     return show
 

@@ -59,6 +59,11 @@ def line(shot: Snapshot) -> str:
     return '  '.join(filter(None, [*parts, *complaints]))
 
 
+def pages(shot: Snapshot) -> list[str]:
+    """Where the live view is shown in a browser, by the diagnostics of its node."""
+    return [entry.text.partition(',')[0] for entry in shot.health if entry.text.startswith('page: ')]
+
+
 def waiting(shot: Snapshot) -> str:
     """What is missing while there is no force."""
     topic = _topic(shot)

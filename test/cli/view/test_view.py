@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 from running_system import Tactile, wait_until
-from seen import force, received
+from seen import diagnostics, force, received
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos
@@ -24,6 +24,7 @@ from tactile_nodes.cli import view
 from tactile_nodes.cli.launch.view import Notes, is_worth_seeing
 from tactile_nodes.launching.processes.output import Line
 from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.viewing.state import ViewState
 
 Repeating = Callable[..., None]
 
@@ -61,6 +62,15 @@ def test_a_view_that_finds_nothing_says_where_there_are_sensors(
     publish_forces(other, repeating, '/left')
     ended = tactile('view', '--plain', '--duration', '2.1')
     assert 'sensors are at /left: tactile view --namespace /left' in ended.out
+
+
+def test_where_no_terminal_can_draw_the_address_of_the_page_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    state, show = ViewState(), view._printing()
+    for watching in (0, 0, 1):
+        page = f'http://127.0.0.1:7470/, viewers: {watching}'
+        state.add_diagnostics(received(diagnostics(('live_view: page', 0, page)), 25))
+        show(state.snapshot(30))
+    assert capsys.readouterr().out.splitlines().count('page: http://127.0.0.1:7470/') == 1
 
 
 def test_all_sensors_of_a_hand_are_seen_together(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
