@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 
 HIDDEN = 16, 16, 16
 EPOCHS, BATCH = 80, 64
-STEEPEST, DECAY = 5e-3, 3e-2
-"""Highest rate of the one-cycle schedule (Smith 2018), and the decay of the weights (AdamW)."""
+STEEPEST, DECAY, LARGEST_GRADIENT = 5e-3, 3e-2, 1.0
+"""Highest rate of the one-cycle schedule (Smith 2018), decay of the weights (AdamW), and greatest norm of the gradient:
+one that is far too large could leave no force anywhere, from which the network does not recover."""
 
 FIRST_CHANGE = 0.02
 """Factor on the last layer's initial weights: at first nothing changes."""
@@ -88,7 +89,8 @@ def fit_refinement(samples: Samples, seed: int, progress: Progress) -> Refinemen
     torch.manual_seed(seed)
     random, count = np.random.default_rng(seed), len(samples.inputs)
     layers = _layers()
-    optimizer = torch.optim.AdamW([each for layer in layers for each in layer.parameters()], weight_decay=DECAY)
+    parameters = [each for layer in layers for each in layer.parameters()]
+    optimizer = torch.optim.AdamW(parameters, weight_decay=DECAY)
     steps = EPOCHS * -(-count // BATCH)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, STEEPEST, steps)
     inputs, solved, true = (torch.from_numpy(each) for each in (samples.inputs, samples.solved, samples.true))
@@ -104,6 +106,7 @@ def fit_refinement(samples: Samples, seed: int, progress: Progress) -> Refinemen
                 loss = _loss(_refined(layers, seen, field), wanted, weights[rows])
                 optimizer.zero_grad()
                 torch.autograd.backward(loss)
+                torch.nn.utils.clip_grad_norm_(parameters, LARGEST_GRADIENT)
                 optimizer.step()
                 schedule.step()
             bar.advance()
@@ -152,6 +155,7 @@ def _kept(changed: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
     spread = torch.einsum('nihw,njhw,nhw->nij', away, away, normal[:, 0]) + LEAST_SPREAD * torch.eye(2)
     plane = torch.linalg.solve(spread, (centre - middle)[..., 0])
     normal = _of_one(normal * torch.relu(1 + (plane[..., None] * away).sum(1, keepdim=True)))
+    normal = _of_one(_shifted(normal, (centre - (normal * place).sum((2, 3), keepdim=True))[:, :, 0, 0]))
     shear = changed[:, 1:]
     shear = shear * torch.clamp(normal / shear.norm(dim=1, keepdim=True).clamp_min(1e-9), max=1.0)
     across = torch.stack([centre[:, 1] - place[:, 1], place[:, 0] - centre[:, 0]], 1)
@@ -159,6 +163,16 @@ def _kept(changed: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
     wide = LEAST_SPREAD + (across.square().sum(1, keepdim=True) * normal).sum((2, 3), keepdim=True)
     turned = (across * missing).sum((1, 2, 3), keepdim=True) / wide
     return torch.cat([normal, shear + normal * (missing.sum((2, 3), keepdim=True) + turned * across)], 1)
+
+
+def _shifted(normal: torch.Tensor, by: torch.Tensor) -> torch.Tensor:
+    """Forces moved by up to one patch along x and y: shared between neighbours."""
+    import torch
+
+    shares = torch.stack([torch.relu(by), 1 - by.abs(), torch.relu(-by)], -1).clamp(0, 1)
+    kernels = shares[:, 1, :, None] * shares[:, 0, None, :]
+    moved: torch.Tensor = torch.conv2d(normal.transpose(0, 1), kernels[:, None], padding=1, groups=len(normal))
+    return moved.transpose(0, 1)
 
 
 def _of_one(normal: torch.Tensor) -> torch.Tensor:

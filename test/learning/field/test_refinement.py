@@ -15,7 +15,14 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES, INPUTS, SOLVED, Refinement, inputs_of
+from tactile_nodes.sensing.explain.field.refinement import (
+    FORCE_TIMES,
+    INPUTS,
+    SOLVED,
+    Refinement,
+    _kept,
+    inputs_of,
+)
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -64,6 +71,16 @@ def test_it_undoes_the_smearing_that_it_has_seen_and_keeps_total_and_net_shear(l
     assert after < before / 2
     assert refined[:, 0].min() >= 0
     np.testing.assert_allclose(refined.sum(axis=(2, 3)), [[1.0, 0.2, 0.0]] * 30, atol=1e-6)
+
+
+def test_the_centre_stays_even_if_the_network_puts_all_force_on_one_patch() -> None:
+    """A centre 0.1 patches to the right and 0.3 above: shares of 0.9 and 0.1, and 0.7 and 0.3."""
+    before, changed = np.zeros((3, 5, 5)), np.zeros((3, 5, 5))
+    before[0, 1:4, 1:4] = np.outer([0.4, 0.5, 0.1], [0.1, 0.7, 0.2])
+    changed[0, 2, 2] = 1.0
+    kept = _kept(changed.reshape(3, -1), before.reshape(3, -1), 5)[0].reshape(5, 5)
+    np.testing.assert_allclose(kept[1:3, 2:4], [[0.27, 0.03], [0.63, 0.07]], atol=1e-12)
+    assert kept.sum() == pytest.approx(1.0)
 
 
 def test_forces_stay_within_a_patch_of_the_solved_ones(learnt: Refinement) -> None:

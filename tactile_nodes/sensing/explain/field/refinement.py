@@ -108,8 +108,9 @@ class Refinement:
 def _kept(changed: Float[np.ndarray, '3 n'], before: Float[np.ndarray, '3 n'], cols: int) -> Float[np.ndarray, '3 n']:
     """Changed forces that do not pull, within the friction cone, with the sums and moments of those before.
 
-    Normal forces are multiplied by a plane, so that their centre is as before. Then shear in proportion to them is
-    added, along and around the centre, as under a rigid body that moves and turns. `n` patches lie in rows of `cols`.
+    Normal forces are multiplied by a plane, and then shifted by what that lacks where few patches have force, so that
+    their centre is as before. Then shear in proportion to them is added, along and around the centre, as under a rigid
+    body that moves and turns. `n` patches lie in rows of `cols`.
     """
     place = np.array(np.divmod(np.arange(changed.shape[1]), cols)[::-1], float)
     total_n = float(before[0].sum())
@@ -123,13 +124,21 @@ def _kept(changed: Float[np.ndarray, '3 n'], before: Float[np.ndarray, '3 n'], c
     determinant = xx * yy - xy * xy
     plane = np.array([yy * x - xy * y, xx * y - xy * x]) / determinant
     normal *= np.maximum(1.0 + plane @ away, 0.0)
-    normal *= total_n / float(normal.sum())
+    by = centre - place @ normal / float(normal.sum())
+    moved = cv2.filter2D(normal.reshape(-1, cols), -1, _shifting(by), borderType=cv2.BORDER_CONSTANT).ravel()
+    normal = moved * (total_n / float(moved.sum()))
     shear = changed[1:] * np.minimum(1.0, normal / np.maximum(np.hypot(changed[1], changed[2]), 1e-12))
     across = np.stack([centre[1] - place[1], place[0] - centre[0]])
     missing, turned_n = before[1:] - shear, across * normal
     turned = float((across * missing).sum()) / (total_n * LEAST_SPREAD + float((across * turned_n).sum()))
     shear += np.outer(missing.sum(axis=1) / total_n, normal) + turned * turned_n
     return np.concatenate([normal[None], shear])
+
+
+def _shifting(by: Float[np.ndarray, ' 2']) -> Float[np.ndarray, '3 3']:
+    """The kernel that moves forces by up to one patch along x and y: shared between neighbours."""
+    along_x, along_y = (np.array([max(-part, 0.0), 1 - abs(part), max(part, 0.0)]) for part in np.clip(by, -1, 1))
+    return np.outer(along_y, along_x)[::-1, ::-1]
 
 
 def _around(lines: Bool[np.ndarray, ' n']) -> slice:
