@@ -160,7 +160,7 @@ def _kept(changed: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
     shear = shear * torch.clamp(normal / shear.norm(dim=1, keepdim=True).clamp_min(1e-9), max=1.0)
     across = torch.stack([centre[:, 1] - place[:, 1], place[:, 0] - centre[:, 0]], 1)
     missing = before[:, 1:] - shear
-    wide = LEAST_SPREAD + (across.square().sum(1, keepdim=True) * normal).sum((2, 3), keepdim=True)
+    wide = (across.square().sum(1, keepdim=True) * normal).sum((2, 3), keepdim=True).clamp_min(LEAST_SPREAD)
     turned = (across * missing).sum((1, 2, 3), keepdim=True) / wide
     return torch.cat([normal, shear + normal * (missing.sum((2, 3), keepdim=True) + turned * across)], 1)
 

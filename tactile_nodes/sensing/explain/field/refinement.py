@@ -33,8 +33,8 @@ MARGIN, GROWN = 2, 1
 """Patches beyond the solved ones that the network sees, and those on which it can put force."""
 
 LEAST_SPREAD = 0.05
-"""Added to the mean squared distance of a contact's force from its centre [patches²]: a single line can hardly be
-tilted or turned."""
+"""Least mean squared distance of a contact's force from its centre [patches²], added before it is tilted: a single line
+can hardly be tilted or turned."""
 
 _GROWN = np.ones((2 * GROWN + 1, 2 * GROWN + 1), np.uint8)
 
@@ -130,7 +130,7 @@ def _kept(changed: Float[np.ndarray, '3 n'], before: Float[np.ndarray, '3 n'], c
     shear = changed[1:] * np.minimum(1.0, normal / np.maximum(np.hypot(changed[1], changed[2]), 1e-12))
     across = np.stack([centre[1] - place[1], place[0] - centre[0]])
     missing, turned_n = before[1:] - shear, across * normal
-    turned = float((across * missing).sum()) / (total_n * LEAST_SPREAD + float((across * turned_n).sum()))
+    turned = float((across * missing).sum()) / max(total_n * LEAST_SPREAD, float((across * turned_n).sum()))
     shear += np.outer(missing.sum(axis=1) / total_n, normal) + turned * turned_n
     return np.concatenate([normal[None], shear])
 
