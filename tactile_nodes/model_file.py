@@ -106,15 +106,24 @@ def find_model(name: str) -> Path:
     Raises:
         ModelError: there is none; the message lists the shipped ones.
     """
-    folder = share_directory() / 'models'
-    if is_file(shipped := folder / f'{name}.safetensors'):
+    if shipped := shipped_model(name):
         return shipped
     if is_file(Path(name)):
         return Path(name)
-    names = ', '.join(sorted(file.stem for file in folder.glob('*.safetensors'))) or 'none'
+    names = ', '.join(sorted(file.stem for file in _shipped().glob('*.safetensors'))) or 'none'
     raise ModelError(
         f'there is no model {name!r}; give the path of a model file, or the name of a shipped model: {names}'
     )
+
+
+def shipped_model(name: str) -> Path | None:
+    """The file of a shipped model."""
+    file = _shipped() / f'{name}.safetensors'
+    return file if is_file(file) else None
+
+
+def _shipped() -> Path:
+    return share_directory() / 'models'
 
 
 def check_model_output(file: Path, *read: Path | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -27,6 +28,7 @@ examples:
   tactile calibrate new_gel_bag --model field --gel gel-7 -o gel-7.safetensors --body ball:5
   tactile calibrate punch_bag --model field --gel gel-7 -o gel-7.safetensors --body punch:1.5    # or ring, part.stl
   tactile calibrate --sensor description.yaml --model field -o mine.safetensors  # any contact, no presses needed
+  tactile calibrate --sensor description.yaml --model field -o mine.safetensors --touches 100  # its force map sharper
   tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors  # network: the paper's layer, needs torch
 """
 
@@ -56,6 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '(radius in mm), or a value of contact:= of the live launch, e.g. ring, part.stl'
     )  # fmt: skip
     parser.add_argument('--indenter', default='', metavar='NAME', help='use only presses of this indenter')
+    parser.add_argument(
+        '--touches', type=int, default=0, metavar='N', help='with --sensor alone: learn from N simulated touches of '
+        'random bodies to put forces into the right bins, e.g. 100 (some ten seconds each, once; needs torch)'
+    )  # fmt: skip
     parser.add_argument('--namespace', help='namespace of the sensor, if the bags hold several')
     parser.add_argument(
         '--force', action='store_true', help='write the model even if it is no better on held-out presses than before'
@@ -113,6 +119,10 @@ def _require_used(arguments: argparse.Namespace) -> None:
     for option in ('body', 'curve', 'force'):
         if getattr(arguments, option) and not (arguments.bags or listed):
             raise ConfigurationError(f'--{option} needs presses; leave it out, or give them')
+    if arguments.touches and (arguments.bags or listed):
+        raise ConfigurationError(
+            '--touches goes with --sensor alone; make that model first and calibrate it: what was learnt is kept'
+        )
     if arguments.layer and not listed:
         raise ConfigurationError('--layer needs --dataset FILE; leave it out, or make one with: tactile dataset build')
     if arguments.gel and arguments.dataset:
@@ -135,14 +145,19 @@ def _pressed(arguments: argparse.Namespace) -> Pressed:
 def _of_description(arguments: argparse.Namespace) -> int:
     """A model made from the sensor description alone, without presses."""
     from tactile_nodes.learning.field.calibration import described_model
+    from tactile_nodes.learning.field.refining import refine_described, require_touches
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import check_model_output, find_model, load_model
     from tactile_nodes.sensors import load_sensor
 
-    source = find_model(arguments.model)
+    source, progress = find_model(arguments.model), TerminalProgress()
     check_model_output(arguments.output, source, Path(arguments.sensor))
     sensor = load_sensor(arguments.sensor)
-    model_id = described_model(load_model(source), sensor, arguments.gel, arguments.output, TerminalProgress())
+    if arguments.touches:
+        require_touches(arguments.touches, sensor)
+    model_id = described_model(load_model(source), sensor, arguments.gel, arguments.output, progress)
+    if arguments.touches:
+        model_id = refine_described(arguments.output, arguments.touches, os.cpu_count() or 1, progress)
     print(f'{arguments.output}: model {model_id}, from the description {arguments.sensor} without presses')
     if (off := sensor.gel.moduli_off) > 0:
         print(

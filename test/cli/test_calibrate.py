@@ -207,6 +207,8 @@ PRESSES = ['--dataset', '{presses}']
         ([*ANY_CONTACT, '--body', 'punch:16'], 'mm wide, but the gel only 32 mm'),
         (['--model', 'portable', '--sensor', 'simulated'], 'a description gives a field'),
         (['--model', 'field', '--sensor', 'nowhere.yaml'], "there is no sensor 'nowhere.yaml'"),
+        (['--model', 'field', '--sensor', 'simulated', '--touches', '5'], '5 touches are too few to learn from'),
+        ([*ANY_CONTACT, '--touches', '100'], '--touches goes with --sensor alone'),
     ],
 )
 def test_what_does_not_go_together_is_refused_in_a_sentence(

@@ -27,7 +27,16 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import source_readout
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer.judgement import ADVICE, describe_errors, require_worth
-from tactile_nodes.model_file import DESCRIPTION, SENSOR, LoadedModel, crop_of_size, find_model, load_model, save_model
+from tactile_nodes.model_file import (
+    DESCRIPTION,
+    SENSOR,
+    LoadedModel,
+    crop_of_size,
+    find_model,
+    load_model,
+    save_model,
+    shipped_model,
+)
 from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -249,17 +258,24 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
 
 
 def refinement_of(loaded: LoadedModel, sensor: Sensor) -> Refinement | None:
-    """The refinement of a model `field`, if its sensor has the same gel, camera and bins by its description.
+    """The refinement of a model `field`, or else of the shipped model of that name, if it was learnt for this sensor.
 
-    It was learnt from gels that differ a little, and from calibrations of these.
+    The gel, camera, pattern and bins must be the same by the description.
     """
-    readout = loaded.model.readout
-    if not isinstance(readout, FieldReadout) or readout.refinement is None:
-        return None
-    source = sensor_of(loaded.card, loaded.model_id)
+    shipped = shipped_model(sensor.name)
+    for model in (loaded, *((load_model(shipped),) if shipped else ())):
+        readout = model.model.readout
+        if isinstance(readout, FieldReadout) and readout.refinement is not None and _is_of(model, sensor):
+            return readout.refinement
+    return None
+
+
+def _is_of(model: LoadedModel, sensor: Sensor) -> bool:
+    """Whether a model is of a sensor, except for its modulus."""
+    source = sensor_of(model.card, model.model_id)
+    patterns = {(each.pattern.kind, each.pattern.pitch_mm) for each in (sensor, source)}
     alike = _sees_alike(sensor, source) and sensor.gel.layers_mm == source.gel.layers_mm
-    alike = alike and loaded.model.bins == BinGrid.of_sensor(sensor) and sensor.pattern.kind == source.pattern.kind
-    return readout.refinement if alike else None
+    return alike and model.model.bins == BinGrid.of_sensor(sensor) and len(patterns) == 1
 
 
 def _sees_alike(one: Sensor, other: Sensor) -> bool:

@@ -5,53 +5,77 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.contact_tables.touch_tables import first_solved, random_ways
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.config import TrainConfig
-from tactile_nodes.learning.datasets.simulated import Block, measured_by, noise_seeds, recipe_id
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.datasets.simulated import noise_seeds
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import Arrays, make_files
 from tactile_nodes.sensing.elasticity.patches import PER_BIN
 from tactile_nodes.sensing.explain.field.where_now import HIDDEN
-from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.features import Features, make_encoding
+from tactile_nodes.sensing.flow.choice import code_id, make_flow
+from tactile_nodes.sensing.geometry import BinGrid, centre_crop
+from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.shapes import Float32
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
-from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 from tactile_nodes.simulation.touch.random_bodies import random_body
 from tactile_nodes.simulation.touch.table import Touch, TouchTable, node_forces, over_bins
-
-GELS = 6
-"""Gels that are touched in turn."""
 
 PLACES = 12
 """Pictures of each body: at other places, turned, and at any stage of its path."""
 
 SEED, NOISE_BLOCK = 7001, 1 << 23
+REST_FRAMES = 16
 LIGHTEST_N, HARDEST_N = 0.05, 3.0
 RIM_MM = 1.0
 NAME = 'random'
-RECIPE = 2
-"""Increased when the code below gives other touches for the same configuration."""
+RECIPE = 3
+"""Increased when the code below gives other touches for the same scene."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A gel that is touched, and how its pictures are measured; `size_px` is what is cut from their middle."""
+
+    gel: Gel
+    bins: BinGrid
+    size_px: tuple[int, int]
+    flow: Choice
+    encoding: Choice
+    seed: int = 1
+
+    def measuring(self, optics: Optics) -> Callable[[np.ndarray], Features]:
+        """Measures camera images against an average of images at rest."""
+        flow = make_flow(self.flow.name, self.flow.options)
+        encoding = make_encoding(self.encoding.name, self.encoding.options)
+        seeds = islice(noise_seeds(self.seed, 0), REST_FRAMES)
+        rest = average([centre_crop(optics.render((), seed), *self.size_px) for seed in seeds])
+        flow.set_reference(rest)
+        encoding.set_reference(rest)
+        return lambda image: encoding.encode(flow.displacement(centre_crop(image, *self.size_px)))
 
 
 @dataclass(frozen=True)
 class Touches:
     """Features and confidence of pictures, and the true forces on patches: into the gel, along x, along y [N].
 
-    The forces are where a solved field should have them, before `moved_along`. `gel` is the number of the gel.
+    The forces are where a solved field should have them, before `moved_along`. `scene` is the number of the scene.
     """
 
-    gel: int
+    scene: int
     features: Float32[np.ndarray, 'n rows cols channels']
     confidence: Float32[np.ndarray, 'n rows cols']
     forces_n: Float32[np.ndarray, 'n 3 h w']
@@ -59,51 +83,47 @@ class Touches:
 
 @dataclass(frozen=True)
 class _Touched:
-    """Task: one body on one gel."""
+    """Task: one body in one scene."""
 
-    config: TrainConfig
+    scene: Scene
     number: int
 
 
-def touched_gel(config: TrainConfig, number: int) -> TrainConfig:
-    """The configuration with the gel that the body of this number touches."""
-    return replace(config, gel=other_gel(config.gel, number % GELS, LEARNED_SEED))
+def random_touches(scenes: Sequence[Scene], bodies: int, processes: int, progress: Progress) -> list[Touches]:
+    """Touches of bodies in these scenes by turns; those made before are read from their files.
 
-
-def random_touches(config: TrainConfig, bodies: int, progress: Progress) -> list[Touches]:
-    """The touches of each body that can be pressed; those made before are read from their files.
-
-    `config` gives the gel that others differ from, the camera, flow and features.
+    Bodies that cannot be pressed are left out.
     """
     jobs = []
     for number in range(bodies):
-        job = _Touched(touched_gel(config, number), number)
+        job = _Touched(scenes[number % len(scenes)], number)
         jobs.append((_file_of(job), job))
-    make_files(_render, jobs, config.data.processes, progress, 'touching with random bodies')
+    make_files(_render, jobs, processes, progress, 'touching with random bodies')
     found = []
     for file, job in jobs:
         with np.load(file) as arrays:
             maps = (arrays[name].astype(np.float32) for name in ('features', 'confidence', 'forces'))
-            found.append(Touches(job.number % GELS, *maps))
+            found.append(Touches(job.number % len(scenes), *maps))
     return [each for each in found if len(each.features)]
 
 
 def _file_of(job: _Touched) -> Path:
-    recipe = json.dumps([RECIPE, HIDDEN, recipe_id(job.config), job.number])
+    scene = {**asdict(job.scene), 'gel': job.scene.gel.gel_id}
+    recipe = json.dumps([RECIPE, HIDDEN, code_id(), cv2.__version__, scene, job.number], sort_keys=True)
     return paths.cache_directory('touched') / f'{hashlib.sha256(recipe.encode()).hexdigest()[:16]}.npz'
 
 
 def _render(job: _Touched) -> Arrays:
     """The touches of a body; none if it cannot be pressed into the gel."""
-    config, random = job.config, np.random.default_rng([SEED, job.number])
-    gel, bins = config.gel, config.bins
+    scene, random = job.scene, np.random.default_rng([SEED, job.number])
+    gel, bins = scene.gel, scene.bins
     patches = BinGrid(PER_BIN * bins.rows, PER_BIN * bins.cols, bins.width_mm, bins.height_mm)
     features, confidence, forces = [], [], []
     with suppress(ConfigurationError):
         table = _solved(gel, random)
         optics = Optics(gel, contact_table(gel), bodies={NAME: table})
-        measured = measured_by(Block(config, job.number, 0, 0, Path()), optics)
-        seeds = noise_seeds(config.data.seed, NOISE_BLOCK + job.number)
+        measured = scene.measuring(optics)
+        seeds = noise_seeds(scene.seed, NOISE_BLOCK + job.number)
         for touch, seed in zip(_placed(gel, table, random), seeds, strict=False):
             seen = measured(optics.render((touch,), seed))
             place_mm, force = node_forces(table, touch, 1 - HIDDEN)

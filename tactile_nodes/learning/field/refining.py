@@ -4,22 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.config import Choice, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import first_presses, planned
 from tactile_nodes.learning.field.body import Bodies, KnownBody
-from tactile_nodes.learning.field.calibration import fitted_field
-from tactile_nodes.learning.field.random_touches import GELS, Touches, random_touches, touched_gel
+from tactile_nodes.learning.field.calibration import fitted_field, sensor_of
+from tactile_nodes.learning.field.random_touches import Scene, Touches, random_touches
 from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of
+from tactile_nodes.learning.network.layers import import_torch
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import done
+from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES
 from tactile_nodes.sensors import Sensor, load_sensor
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
+
+GELS = 6
+"""Gels that a run touches in turn."""
+
+SEED, LEAST_TOUCHES = 1, 24
+"""Seed of the network of a described sensor, and least number of its touches."""
 
 COUNTS = 10, 100
 """Numbers of presses in the calibrations that solve the touches."""
@@ -37,16 +49,68 @@ LEAST_TOLD = 0.3
 def with_refinement(
     readout: FieldReadout, config: TrainConfig, progress: Progress
 ) -> tuple[FieldReadout, dict[str, Any]]:
-    """The readout with a refinement, if that misplaces clearly less force of held-out bodies; and what was found."""
+    """The readout of a run with a refinement, learnt on other gels, if it is taken; and what was found."""
     assert readout.tips is not None
-    touches = random_touches(config, config.field.touches, progress)
-    solving = _calibrations(config, load_sensor(config.field.sensor), readout.tips, progress)
-    samples = [Samples.joined([_solved(each, touched) for each in solving[touched.gel]]) for touched in touches]
-    held_out = Samples.joined(samples[::HELD_OUT])
-    learnt_from = Samples.joined([each for number, each in enumerate(samples) if number % HELD_OUT])
-    refinement = fit_refinement(learnt_from, config.training.seed, progress)
-    refined = np.stack([shares_of(refinement, each) for each in held_out.inputs])
-    before, after = (misplaced(each, held_out.true) for each in (held_out.solved, refined))
+    gels = [replace(config, gel=other_gel(config.gel, number, LEARNED_SEED)) for number in range(GELS)]
+    scenes = [
+        Scene(each.gel, each.bins, (each.data.crop, each.data.crop), each.flow, each.encoding, each.data.seed)
+        for each in gels
+    ]
+    touches = random_touches(scenes, config.field.touches, config.data.processes, progress)
+    solving = _calibrations(gels, load_sensor(config.field.sensor), readout.tips, progress)
+    return _learnt(readout, touches, solving, config.training.seed, progress)
+
+
+def require_touches(touches: int, sensor: Sensor) -> None:
+    """Refuse what a refinement cannot be learnt from.
+
+    Raises:
+        ConfigurationError: so few touches do not suffice, the sensor cannot be simulated, or torch is not installed.
+    """
+    if touches < LEAST_TOUCHES:
+        raise ConfigurationError(f'{touches} touches are too few to learn from; give --touches {LEAST_TOUCHES} or more')
+    gel_of(sensor)
+    import_torch()
+
+
+def refine_described(file: Path, touches: int, processes: int, progress: Progress) -> str:
+    """Learn the refinement of a model of a described sensor from that many touches, and write it again; its id.
+
+    Raises:
+        ConfigurationError: too few bodies can be pressed into the gel.
+    """
+    loaded = load_model(file)
+    readout, sensor = loaded.model.readout, sensor_of(loaded.card, loaded.model_id)
+    assert isinstance(readout, FieldReadout)
+    scene = Scene(gel_of(sensor), loaded.model.bins, loaded.image_size, Choice(*loaded.flow), Choice(*loaded.encoding))
+    made = random_touches([scene], touches, processes, progress)
+    refined, report = _learnt(readout, made, [[readout]], SEED, progress)
+    card = {**loaded.card, 'training': {'refinement': report}}
+    return save_model(file, replace(loaded.model, readout=refined, model_id='unsaved'), card)
+
+
+def _learnt(
+    readout: FieldReadout,
+    touches: Sequence[Touches],
+    solving: Sequence[Sequence[FieldReadout]],
+    seed: int,
+    progress: Progress,
+) -> tuple[FieldReadout, dict[str, Any]]:
+    """The readout with a refinement, if that misplaces clearly less force of held-out bodies; and what was found.
+
+    The touches of each scene are solved by readouts of their own.
+
+    Raises:
+        ConfigurationError: too few bodies can be pressed into the gel.
+    """
+    samples = [Samples.joined([_solved(each, touched) for each in solving[touched.scene]]) for touched in touches]
+    held_out, learnt_from = samples[::HELD_OUT], [each for k, each in enumerate(samples) if k % HELD_OUT]
+    if sum(len(each.inputs) for each in held_out) == 0 or sum(len(each.inputs) for each in learnt_from) == 0:
+        raise ConfigurationError('none of the bodies can be pressed into this gel, or read from it; take more touches')
+    judged = Samples.joined(held_out)
+    refinement = fit_refinement(Samples.joined(learnt_from), seed, progress)
+    refined = np.stack([shares_of(refinement, each) for each in judged.inputs])
+    before, after = (misplaced(each, judged.true) for each in (judged.solved, refined))
     taken = after < WORTH * before
     progress.say(
         f'held-out bodies: {100 * before:.1f} % of the force is misplaced, {100 * after:.1f} % after refinement; '
@@ -81,16 +145,16 @@ class _Calibrated:
 
 
 def _calibrations(
-    config: TrainConfig, sensor: Sensor, tips: AxisymmetricReadout, progress: Progress
-) -> Sequence[list[FieldReadout]]:
+    gels: Sequence[TrainConfig], sensor: Sensor, tips: AxisymmetricReadout, progress: Progress
+) -> list[list[FieldReadout]]:
     """Readouts of each gel, from few and from many presses."""
-    jobs = [_Calibrated(touched_gel(config, number), sensor, tips) for number in range(GELS)]
+    jobs = [_Calibrated(config, sensor, tips) for config in gels]
     found: dict[int, list[FieldReadout]] = {}
-    with progress.bar('calibrating other gels', GELS) as bar:
-        for number, readouts in done(_readouts_of, jobs, config.data.processes):
+    with progress.bar('calibrating other gels', len(jobs)) as bar:
+        for number, readouts in done(_readouts_of, jobs, gels[0].data.processes):
             found[number] = readouts
             bar.advance()
-    return [found[number] for number in range(GELS)]
+    return [found[number] for number in range(len(jobs))]
 
 
 def _readouts_of(job: _Calibrated) -> list[FieldReadout]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.contact_tables.touch_tables import ready_contacts
-from tactile_nodes.learning.field.calibration import refinement_of
+from tactile_nodes.learning.field import random_touches
+from tactile_nodes.learning.field.calibration import described_model, refinement_of
 from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of
+from tactile_nodes.learning.field.refining import refine_described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
@@ -159,7 +162,29 @@ def test_a_sensor_with_another_gel_or_camera_does_not_take_it_over(shipped: Load
     assert refinement_of(shipped, sensor) is not None
     thicker = replace(sensor.gel, layers_mm=(1.5, 6.0), markers_mm=(1.5, 7.5))
     assert refinement_of(shipped, replace(sensor, gel=thicker)) is None
-    assert refinement_of(shipped, load_sensor('digit_like')) is None
+
+
+def test_shipped_sensors_bring_their_own_whatever_model_they_begin_from(shipped: LoadedModel) -> None:
+    dots = load_sensor('printed_dots')
+    own, papers = refinement_of(shipped, dots), refinement_of(shipped, load_sensor('simulated'))
+    assert own is not None and papers is not None
+    assert not np.array_equal(own.kernels[0], papers.kernels[0])
+    assert refinement_of(shipped, replace(dots, pattern=replace(dots.pattern, pitch_mm=3.0))) is None
+
+
+def test_the_refinement_of_a_described_sensor_is_learnt_from_touches_of_its_gel(
+    shipped: LoadedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One body is learnt from, the other one judges."""
+    for name, value in (('SEED', 1), ('PLACES', 2)):
+        monkeypatch.setattr(random_touches, name, value)
+    file = tmp_path / 'dots.safetensors'
+    described_model(shipped, load_sensor('printed_dots'), '', file, Progress())
+    before = load_model(file)
+    assert refine_described(file, 2, 1, Progress()) != before.model_id
+    report = load_model(file).card['training']['refinement']
+    assert report['bodies'] == 2
+    assert 0 < report['misplaced'] < 0.6
 
 
 def test_an_older_model_that_does_not_name_its_sensor_has_none(shipped: LoadedModel) -> None:
