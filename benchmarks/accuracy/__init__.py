@@ -13,11 +13,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from benchmarks import PROFILES
 from benchmarks.accuracy.page import Results, draw, page
 from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.paths import share_directory
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
@@ -39,7 +39,7 @@ QUICK = Plan(presses=24, rounds=2, images=2)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Measure the named models, or all shipped ones."""
+    """Measure the named models, or those of the paper's sensor that ship."""
     curve = _files(arguments.curve) if arguments.curve else []
     found = measure(_files(arguments.model), curve, _plan(arguments), run.progress)
     return {**found.plain, '_page': found}
@@ -107,7 +107,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
 def _files(names: Sequence[str]) -> list[Path]:
     from tactile_nodes.model_file import find_model
 
-    files = [find_model(name) for name in names] or sorted((share_directory() / 'models').glob('*.safetensors'))
+    files = [find_model(name) for name in names or PROFILES]
     if len({file.stem for file in files}) < len(files):
         raise ConfigurationError('two models have the same file name, by which tables call them; rename one')
     return files

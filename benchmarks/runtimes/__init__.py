@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks import PROFILES
 from benchmarks.harness.declaration import SENSING, Benchmark, Part, Result, argument, at_once
 from benchmarks.harness.report import in_turn, opening, quartiles, ranged, table
 from benchmarks.harness.running import Run
@@ -25,7 +26,6 @@ from benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.explain.network import NetworkReadout
 
 ONE_THREAD = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
@@ -57,9 +57,8 @@ QUICK = Effort(frames=10, rounds=2, turn=5)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Measure the named models, or all shipped ones."""
-    shipped = sorted((share_directory() / 'models').glob('*.safetensors'))
-    files = [find_model(name) for name in arguments.model] or shipped
+    """Measure the named models, or those of the paper's sensor that ship."""
+    files = [find_model(name) for name in arguments.model or PROFILES]
     return measure(files, QUICK if arguments.quick else Effort(), run.progress, run.part)
 
 
