@@ -8,7 +8,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -109,9 +111,7 @@ def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> 
 def _done_here(make: Callable[[Job], Result], jobs: Mapping[int, Job], processes: int) -> Iterator[tuple[int, Result]]:
     """Results of processes of this machine in order of completion. Ends early if one of the processes is killed."""
     ours = set(multiprocessing.active_children())
-    # Ctrl-C reaches the whole process group. Only the parent handles it, by ending the others.
-    deaf = signal.SIGINT, signal.SIG_IGN
-    pool = ProcessPoolExecutor(processes, multiprocessing.get_context('spawn'), signal.signal, deaf)
+    pool = ProcessPoolExecutor(processes, multiprocessing.get_context('spawn'), _begin)
     try:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which processes that start now inherit
         try:
@@ -126,6 +126,19 @@ def _done_here(make: Callable[[Job], Result], jobs: Mapping[int, Job], processes
         for process in set(multiprocessing.active_children()) - ours:
             process.kill()
         pool.shutdown(cancel_futures=True)
+
+
+def _begin() -> None:
+    """In a new process: Ctrl-C, which reaches the whole process group, is left to the parent. It ends with its parent,
+    also if that is killed; else it would wait for tasks for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if (parent := multiprocessing.parent_process()) is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:

@@ -45,3 +45,9 @@ def killed(_: int) -> Mapping[str, np.ndarray]:
     """A task that no process outlives, as where memory never suffices."""
     os.kill(os.getpid(), signal.SIGKILL)
     raise AssertionError
+
+
+def held(folder: str) -> None:
+    """A task that notes its process and does not end."""
+    (Path(folder) / f'{os.getpid()}.pid').touch()
+    threading.Event().wait()

@@ -96,6 +96,26 @@ def test_processes_that_are_killed_again_and_again_are_one_sentence(monkeypatch:
         list(done(killed, JOBS, 2))
 
 
+def test_processes_end_with_the_one_that_started_them_also_if_that_is_killed(tmp_path: Path) -> None:
+    work = (
+        'from drawing import held; from tactile_nodes.learning.tasks import done; '
+        f'list(done(held, [{str(tmp_path)!r}] * 2, 2))'
+    )
+
+    def noted() -> list[int]:
+        return [int(file.stem) for file in tmp_path.glob('*.pid')]
+
+    with started([sys.executable, '-c', work]) as program:
+        while len(noted()) < 2:
+            threading.Event().wait(0.01)
+        program.kill()
+    processes = [psutil.Process(number) for number in noted() if psutil.pid_exists(number)]
+    alive = psutil.wait_procs(processes, timeout=30.0)[1]
+    for process in alive:
+        process.kill()
+    assert not alive
+
+
 def test_ctrl_c_while_processes_start_is_handled_by_the_one_that_started_them() -> None:
     work = (
         'from tactile_nodes.learning.tasks import done\ntry: list(done(abs, [1, 2], 2))\nexcept KeyboardInterrupt: pass'
