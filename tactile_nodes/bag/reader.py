@@ -136,11 +136,17 @@ class BagReader:
         if packed and not files:
             raise self._compressed(packed)
         if not files:
-            raise BagError(f'{self.path} is not a bag: it contains neither {FILE_NAME} nor .mcap or .db3 files')
+            missing = f'it contains neither {FILE_NAME} nor .mcap or .db3 files'
+            raise BagError(f'{self.path} is not a bag: {missing}{self._bags_within()}')
         self._complain(f'{self.path} has no {FILE_NAME}; reading the files in it')
         if packed:
             self._complain(f'left out: {self._compressed(packed)}')
         return BagMetadata(storage_id=''), files
+
+    def _bags_within(self) -> str:
+        """What to give instead of a folder of bags, such as that of a collection."""
+        bags = sorted(file.parent.name for file in self.path.glob('*/*.mcap'))
+        return f'; the bags in it are {", ".join(bags)}: give {self.path}/*/' if bags else ''
 
     def _from_metadata(self) -> tuple[BagMetadata, list[Path]]:
         source = self.path / FILE_NAME

@@ -225,6 +225,10 @@ def test_path_that_is_not_there(tmp_path: Path) -> None:
     assert refusal(tmp_path / 'none').startswith(f'there is no bag {tmp_path / "none"}')
 
 
+def test_a_folder_of_bags_names_them(bag: Path) -> None:
+    assert refusal(bag.parent).endswith(f'; the bags in it are {bag.name}: give {bag.parent}/*/')
+
+
 def test_folder_that_is_no_bag(tmp_path: Path) -> None:
     assert 'neither metadata.yaml nor .mcap or .db3 files' in refusal(tmp_path)
 

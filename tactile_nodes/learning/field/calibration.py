@@ -42,13 +42,10 @@ from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.refinement import Refinement
-from tactile_nodes.sensing.flow.dots import DotsFlow
+from tactile_nodes.sensing.flow.dots import NO_TEXTURE, DotsFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.sensors.writing import values_of
-
-NO_TEXTURE = 1e-3
-"""Gradient (grey levels a pixel) at which a region of dots has half the weight; dots have a confidence of their own."""
 
 KEPT = 'flow', 'encoding', 'crop_px'
 """Keys that a calibrated model's card copies from its source."""

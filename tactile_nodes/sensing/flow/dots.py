@@ -42,6 +42,9 @@ ABOUT = 0.25
 ALONE = float(np.exp(-(1.1**2) / (2 * ABOUT**2)))
 """Weight of a dot 1.1 pitches away. The confidence of regions with less weight around them is lower in proportion."""
 
+NO_TEXTURE = 1e-3
+"""Gradient (grey levels a pixel) at which a region of dots has half the weight; dots have a confidence of their own."""
+
 
 @dataclass(frozen=True)
 class DotsOptions:

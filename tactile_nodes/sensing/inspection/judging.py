@@ -15,7 +15,7 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
-from tactile_nodes.sensing.flow.dots import DotsFlow
+from tactile_nodes.sensing.flow.dots import NO_TEXTURE, DotsFlow
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
@@ -231,7 +231,8 @@ class Inspection:
     def _refused(self) -> str:
         """Why a live node would refuse this rest image; empty if it would accept it."""
         try:
-            options = RegionOptions(self.regions.rows, self.regions.cols)
+            weighed = {'texture_grey': NO_TEXTURE} if self.sensor.pattern.kind == 'dots' else {}
+            options = RegionOptions(self.regions.rows, self.regions.cols, **weighed)
             require_rest_image(self.rest, texture_confidence(self.rest, options))
         except ImageError as error:
             return str(error)

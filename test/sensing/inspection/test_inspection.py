@@ -356,6 +356,13 @@ def test_dots_are_found_where_they_are_printed() -> None:
     assert again.pattern.dot_mm == pytest.approx((0.5, -1.0), abs=0.05)
 
 
+def test_simulated_dots_are_whole_in_large_pictures_too() -> None:
+    camera = replace(DOTS.camera, focal_px=(1360.0, 1360.0), centre_px=(639.5, 479.5))
+    large = replace(DOTS, image=replace(DOTS.image, width=1280, height=960, crop=1280, crop_height=960), camera=camera)
+    gel = replace(gel_of(large), mechanics='linear')
+    assert Inspection(large, {'a': Optics(gel, linear_table(gel)).render((), 1)}).usable
+
+
 def test_a_calibrated_camera_and_the_width_say_how_far_away_it_is(membrane: np.ndarray) -> None:
     """25 mm of the surface fill 640 px, and 512 px are the focal length: 20 mm."""
     calibrated = Answers('membrane', 25.0, distance_mm=0.0, camera=MEMBRANE.camera)
