@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
@@ -77,6 +78,24 @@ class Hand(HandSettings):
     def names(self) -> tuple[str, ...]:
         """The names of the sensors, in the order of the file."""
         return tuple(each.name for each in self.sensors)
+
+    @property
+    def doubted(self) -> str:
+        """Which sensors are described at one place and facing one way, as no two gels can be; empty if none are.
+
+        So are those whose poses are missing, or given in m and rad. Closed fingers share a place, but face each other.
+        """
+        pairs = [
+            f'{one.name!r} and {other.name!r}'
+            for one, other in combinations(self.sensors, 2)
+            if one.frame.coincides(other.frame)
+        ]
+        return (
+            f'{", ".join(pairs)} are at the same place and face the same way, so moments and directions of the sum are '
+            'wrong; give their poses: frame.position_mm in mm, frame.rpy_deg in degrees'
+            if pairs
+            else ''
+        )
 
 
 def load_hand(name: Path | str) -> Hand:

@@ -46,6 +46,11 @@ class Mounting:
     def rpy_rad(self) -> tuple[float, ...]:
         return tuple(map(math.radians, self.rpy_deg))
 
+    def coincides(self, other: Mounting) -> bool:
+        """Whether both surfaces are at one place, to a millimetre, and their z axes less than 30 degrees apart."""
+        one, two = self.parent_from_surface, other.parent_from_surface
+        return bool(math.dist(one[:3, 3], two[:3, 3]) < 1e-3 and one[:3, 2] @ two[:3, 2] > math.cos(math.radians(30)))
+
     @cached_property
     def parent_from_surface(self) -> Float[np.ndarray, '4 4']:
         """Transforms points (x, y, z, 1) [m] from surface to parent frame: Rz(yaw) Ry(pitch) Rx(roll), then a shift.

@@ -29,6 +29,24 @@ def test_a_sensor_is_called_by_its_name_and_fixed_to_the_frame_of_the_hand(tmp_p
 
 
 @pytest.mark.parametrize(
+    ('one', 'other', 'doubted'),
+    [
+        ('', '', True),  # no poses
+        (
+            'position_mm: [0.0, 0.03, 0.08], rpy_deg: [1.57, 0.0, 0.0]',
+            'position_mm: [0.0, -0.03, 0.08]',
+            True,
+        ),  # m, rad
+        ('rpy_deg: [90.0, 0.0, 0.0]', 'rpy_deg: [-90.0, 0.0, 0.0]', False),  # fingers described as closed
+        ('position_mm: [0.0, 30.0, 80.0]', 'position_mm: [0.0, -30.0, 80.0]', False),
+    ],
+)
+def test_two_sensors_at_one_place_are_doubted(tmp_path: Path, one: str, other: str, doubted: bool) -> None:
+    said = hand(tmp_path, f'name: a, frame: {{{one}}}', f'name: b, frame: {{{other}}}').doubted
+    assert ("'a' and 'b' are at the same place and face the same way" in said) is doubted
+
+
+@pytest.mark.parametrize(
     ('second', 'said'),
     [
         ('name: a', "hand.yaml:3: there are two sensors with the name 'a'"),

@@ -59,6 +59,8 @@ class HandSensorsNode(Node):
         self._folder = tempfile.TemporaryDirectory(prefix='parameters_', dir=logs)
         for number, refused in enumerate(self._hand.refused):
             self.report(f'left out {number + 1}', Level.ERROR, refused)
+        if self._hand.doubted:
+            self.report('poses', Level.WARN, self._hand.doubted)
         self._launches = {sensor: self._launched(sensor) for sensor in self._hand.sensors}
         self._healths = {sensor: self._health(sensor) for sensor in self._hand.sensors}
         self._diagnostics = self.create_publisher(topics.DIAGNOSTICS)
