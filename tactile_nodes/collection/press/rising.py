@@ -39,7 +39,8 @@ def rising(surface: Surface, tare: Tare, settings: CollectionSettings, x_mm: flo
             return ''
         return (
             f'the force is {felt_n:.2f} N at {depth_mm:.2f} mm, but the gel gave {gave_n:.2f} N '
-            'in the surface search: is the sensor correct, does z move, is tip or gel loose?'
+            'in the surface search: is the sensor correct, does z move, is tip or gel loose? Is there gel at '
+            f'({x_mm:.2f}, {y_mm:.2f}) mm from its middle, or does the plan reach beyond it?'
         )
 
     return expect

@@ -146,6 +146,7 @@ def fetch(host: str, port: int, target: str) -> bytes:
         connection.close()
     if response.status != http.client.OK:
         raise DeviceError(
-            f'the box at {host} responded {response.status} {response.reason} for {target.partition("?")[0]}'
+            f'{host} responded {response.status} {response.reason} for {target.partition("?")[0]}, a page of every Net '
+            'F/T box; perhaps another device, such as a router, has this address: check force_torque.source'
         )
     return body

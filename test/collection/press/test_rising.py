@@ -69,7 +69,9 @@ def test_press_whose_force_does_not_rise_stops_early_and_ends_the_run(tmp_path: 
         )
 
     run.at(1, begin)
-    with pytest.raises(DeviceFaultError, match='is the sensor correct'):
+    with pytest.raises(
+        DeviceFaultError, match=r'is the sensor correct, .* Is there gel at \(-?[0-9.]+, -?[0-9.]+\) mm'
+    ):
         run.campaign.run()
     assert deepest[0] < 0.95
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)

@@ -18,8 +18,10 @@ from ft_rigs import LOST_S, assert_counted, read, working
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
+from tactile_nodes.drivers.force_torque.net_ft_config import read_config
 from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.health import Level
+from tactile_nodes.errors import DeviceError
 
 RATE_HZ = 250.0
 PAGE = (
@@ -139,6 +141,14 @@ def test_a_page_in_other_clothes_is_read(start: Start) -> None:
     with OtherBox(Habits()) as box:
         sample = read(start(box), 5)[-1]
     assert sample.wrench == pytest.approx((4.4482216, 0, 0, 0, 0, 0.001))
+
+
+def test_another_device_at_the_address_of_the_box_is_told_from_it() -> None:
+    router = http.server.ThreadingHTTPServer(('127.0.0.1', 0), http.server.BaseHTTPRequestHandler)  # answers 501
+    with router, contextlib.closing(router.socket):
+        threading.Thread(target=router.handle_request, daemon=True).start()
+        with pytest.raises(DeviceError, match=r'responded 501 .*perhaps another device, such as a router, has this'):
+            read_config('127.0.0.1', router.server_address[1])
 
 
 def test_a_box_that_answers_from_another_port_is_accepted(start: Start) -> None:
