@@ -186,8 +186,8 @@ def _places(layout: Layout) -> dict[str, int]:
 
 
 def _numbers(layout: Layout, key: str) -> list[Feature]:
-    """All floating-point numbers, one after the other; integers, flags and times are only in parquet and zarr."""
-    chosen = [(place, column) for place, column in enumerate(layout.columns) if _has_fraction(column)]
+    """All floating-point numbers and flags (0, 1), one after the other; no integers and times."""
+    chosen = [(place, column) for place, column in enumerate(layout.columns) if _is_number(column)]
     names = tuple(name for _, column in chosen for name in _component_names(column))
     units = tuple(column.unit for _, column in chosen for _ in _component_names(column))
     if not chosen:
@@ -202,8 +202,8 @@ def _picture(layout: Layout, key: str) -> Feature:
     return Feature(key, layout.topic, 'image', ('height', 'width', 'channel'), (place,), (height, width, 3))
 
 
-def _has_fraction(column: Column) -> bool:
-    return column.dtype != TEXT and np.dtype(column.dtype).kind == 'f'
+def _is_number(column: Column) -> bool:
+    return column.dtype != TEXT and np.dtype(column.dtype).kind in 'fb'
 
 
 def _component_names(column: Column) -> list[str]:

@@ -84,12 +84,16 @@ def test_zarr_holds_a_hand_too(bag: Path) -> None:
     assert group['sensors.right'][:].tolist() == [False, False, True, True]
 
 
-def test_frames_of_a_hand_hold_the_margin_of_each_sensor(bag: Path, tmp_path: Path) -> None:
+def test_frames_of_a_hand_hold_the_margin_of_each_sensor_and_whether_it_is_in_the_sum(
+    bag: Path, tmp_path: Path
+) -> None:
     assert main(['export', 'lerobot', str(bag), '-o', str(tmp_path / 'set'), '--fps', '60', '--pick', 'nearest']) == 0
     info = json.loads((tmp_path / 'set/meta/info.json').read_text())['features']['observation.hand_wrench']
     frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
     last = dict(zip(info['names'], frames['observation.hand_wrench'][-1].as_py(), strict=True))
     assert (last['margins.left.margin'], last['margins.right.margin']) == (0.25, 0.5)
+    place = info['names'].index('sensors.right')
+    assert {each[place] for each in frames['observation.hand_wrench'].to_pylist()} == {0.0, 1.0}
 
 
 def write_pictures(folder: Path, first: dict[str, int]) -> Path:
