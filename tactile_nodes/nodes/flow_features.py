@@ -109,11 +109,23 @@ class FlowFeaturesNode(Node):
         if self._restored():
             return
         if chosen.reference == 'file':
-            image = self._cropped(read_grey(chosen.reference_file))
+            image = self._read(chosen.reference_file)
             self._following.use_reference(image, conversions.header(self.clock.now_ns(), ''))
             self._tell_reference()
         else:
+            if chosen.reference_file and Path(chosen.reference_file).exists():
+                self.log.warn(f'{chosen.reference_file} is not read, a rest image is captured; add reference:=file')
             self._following.begin_capture(skip=chosen.skip_frames)
+
+    def _read(self, file: str) -> np.ndarray:
+        """The rest image in a file. Raises ConfigurationError: it is none of the described sensor."""
+        image = self._cropped(read_grey(file))
+        if (described := self._described) and image.shape[::-1] != described.crop_px:
+            raise ConfigurationError(
+                f'the rest image {file} has {image.shape[1]}x{image.shape[0]} pixels, but image of '
+                f'{self.params.sensor} says {described.width}x{described.height}; give a picture of this sensor at rest'
+            )
+        return image
 
     def _restored(self) -> bool:
         """Continue with the rest image from before a restart within this launch: something may touch the gel now."""

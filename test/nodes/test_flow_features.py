@@ -271,6 +271,24 @@ def test_rest_image_file_that_is_none_is_one_sentence(
         bench('reference:=file', f'reference_file:={file}')
 
 
+def test_a_rest_image_of_another_size_than_the_described_one_is_refused_by_its_name(
+    bench: Callable[..., Bench], tmp_path: Path
+) -> None:
+    cv2.imwrite(str(file := tmp_path / 'turned.png'), np.zeros((320, 240), np.uint8))
+    with pytest.raises(
+        ConfigurationError, match=r'turned.png has 240x320 pixels, but image of printed_dots says 320x24'
+    ):
+        bench('reference:=file', f'reference_file:={file}', 'sensor:=printed_dots')
+
+
+def test_a_file_that_is_not_read_as_the_rest_image_is_named(
+    bench: Callable[..., Bench], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    cv2.imwrite(str(file := tmp_path / 'rest.png'), PATTERN)
+    bench(f'reference_file:={file}')
+    assert f'{file} is not read, a rest image is captured; add reference:=file' in capfd.readouterr().err
+
+
 def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(bench: Callable[..., Bench]) -> None:
     tested = bench(TOPIC)
     tested.show(PATTERN)
