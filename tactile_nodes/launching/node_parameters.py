@@ -97,10 +97,12 @@ class Entry:
     place: Place
 
     def evaluate(self, context: Context) -> tuple[str, Any]:
+        about = 'name'
         try:
-            return '.'.join(name.evaluate(context) for name in self.names), self.value.evaluate(context)
+            about = '.'.join(each.evaluate(context) for each in self.names)
+            return about, self.value.evaluate(context)
         except SubstitutionError as error:
-            raise self.place.error(f'param: {error}') from error
+            raise self.place.error(f'param: {about}: {error}') from error
 
 
 def read_parameter(entity: Entity) -> NodeParameter:

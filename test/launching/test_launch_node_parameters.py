@@ -1,5 +1,6 @@
 """Parameters of a node as its launch file gives them, and as rcl then reads them."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import yaml
 from tactile_nodes import params
 from tactile_nodes.errors import LaunchFileError
 from tactile_nodes.launching.hand import parameter_text
+from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors import load_hand
 
 
@@ -139,6 +141,23 @@ def test_what_ros_refuses_or_would_mistake_is_an_error(files, written):
 @pytest.mark.parametrize('text', ['', 'a: b', '[1, 2.0]', '2020-01-01', '@', '1:2:'])
 def test_a_substitution_that_is_no_parameter_is_an_error(files, text):
     assert '.launch.yaml:2: param: ' in refusal(files, "[{name: x, value: '$(var a)'}]", a=text)
+
+
+@pytest.mark.parametrize('text', ['3', '0.2N'])
+def test_a_number_with_a_type_needs_no_point_and_is_named_if_it_is_none(files, text):
+    """As with `tactile launch guarded_approach hold_s:=3`."""
+    written = "[{name: a, param: [{name: b, value: '$(var hold_s)', type: float}]}]"
+    if text == '3':
+        assert yaml.safe_load(files(written, hold_s=text)[0].read_text())['/**']['ros__parameters'] == {'a.b': 3.0}
+    else:
+        assert "param: a.b: '0.2N' is not a valid float" in refusal(files, written, hold_s=text)
+
+
+@pytest.mark.parametrize('name', ['guarded_approach', 'grasp', 'replay', 'replay_hand', 'live', 'calibrate', 'collect'])
+def test_arguments_of_our_launch_files_take_whole_numbers_where_the_default_has_a_fraction(name):
+    text = (share_directory() / f'launch/{name}.launch.yaml').read_text()
+    for argument in re.findall(r"name: (\w+)\n +default: '\d+\.\d+'", text):
+        assert not re.search(rf'value: \$\(var {argument}\)\n(?! +type: float)', text), argument
 
 
 def test_nested_parameters_have_dotted_names(files):
