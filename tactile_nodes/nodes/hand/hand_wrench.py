@@ -48,6 +48,7 @@ class HandWrenchNode(Node):
         self._forces = HandForces(self._hand, *self._replayed()) if self.params.bag else HandForces(self._hand)
         self._in_sums: set[str] = set()  # since the last report: on a busy machine, some sums lack a sensor
         self._sums = 0
+        bus.graph().require_unpublished(self.names.resolve(topics.HAND_WRENCH.name))  # else two sums would mix
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
         self._transforms = self.create_publisher(topics.TF_STATIC)
         self._transforms.publish(force_shapes.hand_transforms(self._hand, self.clock.now_ns()))

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import pytest
 from seen import received
 
+from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.hand.hand_wrench import HandWrenchNode
 
@@ -42,3 +44,12 @@ def test_a_sensor_is_reported_that_is_in_no_sum_and_not_one_that_is_late_once(
     level, text = reported(node, monkeypatch)
     assert level == 1
     assert text.startswith('without left, right')
+
+
+def test_a_second_sum_in_one_namespace_is_refused(bus: InProcessBus) -> None:
+    """Else a controller gets the sums of two hands in turn."""
+    bus.advertise('/hand_wrench', topics.HAND_WRENCH.type_name, topics.HAND_WRENCH.qos, '/other')
+    words = ['--ros-args', '-p', 'hand:=two_fingers']
+    with pytest.raises(ConfigurationError, match=r'^/hand_wrench is already published by /other, '):
+        HandWrenchNode(bus, parse_arguments(words))
+    HandWrenchNode(bus, parse_arguments([*words, '-r', '__ns:=/robot'])).close()
