@@ -10,6 +10,7 @@ from press_bags import Collection, Sensor, whole_collection
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.model_file import load_model, save_model
 
 COARSE = ['--profile', 'quick']
 pytestmark = pytest.mark.usefixtures('own_cache')
@@ -147,7 +148,13 @@ def test_train_and_evaluate_take_the_file(file: Path, tmp_path: Path, capsys: py
     words = ['train', str(run), '--dataset', str(file), '--split', 'position', '-o', model, '--force']
     assert main(words) == 0
     assert main(['evaluate', model, '--dataset', str(file), '--split', 'position']) == 0
-    assert 'samples put aside by position' in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert 'samples put aside by position' in said
+    assert 'other markers' not in said
+    loaded = load_model(model)
+    save_model(Path(model), loaded.model, loaded.card, loaded.rest_image[::-1])
+    assert main(['evaluate', model, '--dataset', str(file), '--split', 'position']) == 0
+    assert 'shows other markers than that of the model: another gel' in capsys.readouterr().out
 
 
 def test_a_split_without_a_file_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,6 +26,7 @@ from tactile_nodes.learning.evaluation.scores import (
 from tactile_nodes.learning.evaluation.statuses import AT_REST, LIGHT, StatusScores, score_status
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty, force_uncertainty, position_uncertainty
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.gels import OTHER, other_markers
 from tactile_nodes.learning.training.source import evaluation_samples, simulated_split
 from tactile_nodes.model_file import LoadedModel, load_model
 from tactile_nodes.simulation.gel import Gel
@@ -97,7 +98,10 @@ def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | 
         DatasetError: the file cannot be used.
     """
     loaded = load_model(model_file)
-    samples, words = evaluation_samples(loaded, load_dataset(file), split)
+    recordings = load_dataset(file)
+    samples, words = evaluation_samples(loaded, recordings, split)
+    if other_markers(loaded.rest_image, recordings.rest_image):
+        words += f'; {OTHER}'
     return score(loaded, samples, f'{file}: {words}', name_of(model_file))
 
 

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from tactile_nodes.errors import ImageError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.sensing.picture.change import PictureComparison
+from tactile_nodes.shapes import UInt8
+
+OTHER = 'its rest image shows other markers than that of the model: another gel, or the camera was moved far'
+
+
+def other_markers(one: UInt8[np.ndarray, 'h w'], other: UInt8[np.ndarray, 'h w']) -> bool:
+    """Whether two rest images show different markers; not if one is missing or they cannot be compared."""
+    try:
+        return bool(one.size and other.size) and not PictureComparison(one).of(other).same
+    except ImageError:
+        return False
 
 
 class Gels:
