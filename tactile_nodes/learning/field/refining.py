@@ -22,7 +22,7 @@ from tactile_nodes.learning.tasks import done
 from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES
+from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES, INPUTS
 from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
@@ -130,7 +130,7 @@ def _solved(readout: FieldReadout, touches: Touches) -> Samples:
             continue
         found.append((solved[1], forces_n / total_n, total_n))
     shape = touches.forces_n.shape[2:]
-    inputs = np.array([each for each, _, _ in found], np.float32).reshape(len(found), -1, *shape)
+    inputs = np.array([each for each, _, _ in found], np.float32).reshape(-1, INPUTS, *shape)
     true = np.array([each for _, each, _ in found], np.float32).reshape(-1, 3, *shape)
     return Samples(inputs, inputs[:, :3] / FORCE_TIMES, true, np.array([each for _, _, each in found], np.float32))
 
