@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from benchmarks import PROFILES
 from benchmarks.front.chains import measure_chains
 from benchmarks.front.contenders import one_thread
 from benchmarks.front.frames import SIDE, Frame, Plan, frames
@@ -31,7 +32,6 @@ from tactile_nodes.sensing.flow.methods import FlowMethod
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
-SHIPPED = ('paper', 'portable', 'fast', 'field')
 JPEG_QUALITY, SMALLER_QUALITY = 90, 75
 STAGES = ('flow', 'features', 'predict')
 TURN = 10
@@ -80,7 +80,7 @@ def profiles(compiled: bool) -> list[Profile]:
     """The profiles to measure, also with compiled loops if requested and numba is installed."""
     compiled = compiled and can_compile()
     made = []
-    for name in SHIPPED:
+    for name in PROFILES:
         loaded = load_model(find_model(name))
         made.append(Profile(name, loaded, make_flow(*loaded.flow)))
         if name != 'paper' and compiled:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -25,8 +25,9 @@ from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import Arrays, make_files
-from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.features import FeatureEncoding, Features
 from tactile_nodes.sensing.flow.choice import code_id
+from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.shapes import Bool, Float16, Float32, Int
@@ -195,12 +196,20 @@ def _render_block(block: Block) -> Arrays:
 
 def measured_by(block: Block, optics: Optics) -> Callable[[np.ndarray], Features]:
     """Measures camera images against the rest image of a block."""
-    config, flow, encoding = block.config, block.config.make_flow(), block.config.make_encoding()
+    config = block.config
     seeds = islice(noise_seeds(config.data.seed, block.rest_number), config.data.frames_per_rest_image)
-    rest = average([_cropped(config, optics.render((), seed)) for seed in seeds])
+    size_px = config.data.crop, config.data.crop
+    return measuring(config.make_flow(), config.make_encoding(), size_px, optics, seeds)
+
+
+def measuring(
+    flow: FlowMethod, encoding: FeatureEncoding, size_px: tuple[int, int], optics: Optics, seeds: Iterable[int]
+) -> Callable[[np.ndarray], Features]:
+    """Measures the middle of camera images against an average of images at rest with these seeds."""
+    rest = average([centre_crop(optics.render((), seed), *size_px) for seed in seeds])
     flow.set_reference(rest)
     encoding.set_reference(rest)
-    return lambda image: encoding.encode(flow.displacement(_cropped(config, image)))
+    return lambda image: encoding.encode(flow.displacement(centre_crop(image, *size_px)))
 
 
 def _differ(arrays: list[np.ndarray]) -> bool:
@@ -213,8 +222,3 @@ def noise_seeds(seed: int, block: int) -> Iterator[int]:
     while True:
         number = mix(number)
         yield number
-
-
-def _cropped(config: TrainConfig, image: np.ndarray) -> np.ndarray:
-    """The middle of a camera image, which is the part that is measured."""
-    return centre_crop(image, config.data.crop, config.data.crop)

@@ -19,15 +19,14 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.contact_tables.touch_tables import first_solved, random_ways
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import Choice
-from tactile_nodes.learning.datasets.simulated import noise_seeds
+from tactile_nodes.learning.datasets.simulated import measuring, noise_seeds
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import Arrays, make_files
 from tactile_nodes.sensing.elasticity.patches import PER_BIN
 from tactile_nodes.sensing.explain.field.where_now import HIDDEN
 from tactile_nodes.sensing.features import Features, make_encoding
 from tactile_nodes.sensing.flow.choice import code_id, make_flow
-from tactile_nodes.sensing.geometry import BinGrid, centre_crop
-from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.shapes import Float32
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
@@ -61,11 +60,7 @@ class Scene:
         """Measures camera images against an average of images at rest."""
         flow = make_flow(self.flow.name, self.flow.options)
         encoding = make_encoding(self.encoding.name, self.encoding.options)
-        seeds = islice(noise_seeds(self.seed, 0), REST_FRAMES)
-        rest = average([centre_crop(optics.render((), seed), *self.size_px) for seed in seeds])
-        flow.set_reference(rest)
-        encoding.set_reference(rest)
-        return lambda image: encoding.encode(flow.displacement(centre_crop(image, *self.size_px)))
+        return measuring(flow, encoding, self.size_px, optics, islice(noise_seeds(self.seed, 0), REST_FRAMES))
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def _learnt(
     """
     samples = [Samples.joined([_solved(each, touched) for each in solving[touched.scene]]) for touched in touches]
     held_out, learnt_from = samples[::HELD_OUT], [each for k, each in enumerate(samples) if k % HELD_OUT]
-    if sum(len(each.inputs) for each in held_out) == 0 or sum(len(each.inputs) for each in learnt_from) == 0:
+    if not all(any(len(each.inputs) for each in part) for part in (held_out, learnt_from)):
         raise ConfigurationError('none of the bodies can be pressed into this gel, or read from it; take more touches')
     judged = Samples.joined(held_out)
     refinement = fit_refinement(Samples.joined(learnt_from), seed, progress)
