@@ -153,7 +153,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
         raise ConfigurationError(
             f'no Dask scheduler answers at {scheduler} ({error}); start one with: dask scheduler'
         ) from error
-    with _silent('distributed.client'), client:
+    with _dask_silent(), client:
         _require_workers(client, scheduler)
         futures = {client.submit(make, job, pure=False, retries=RETRIES): number for number, job in enumerate(jobs)}
         ended: Queue[Any] = Queue()
@@ -183,14 +183,18 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
 
 
 @contextmanager
-def _silent(logger: str) -> Iterator[None]:
-    """Within this block a logger is silent. Dask's client logs tracebacks of errors that it raises as well."""
-    log = logging.getLogger(logger)
-    before, log.disabled = log.disabled, True
+def _dask_silent() -> Iterator[None]:
+    """Within this block Dask logs nothing. It logs tracebacks of errors that it raises as well, and of lost connections
+    in which it was just sending."""
+    logs = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.split('.')[0] == 'distributed']
+    heard = [log for log in logs if not log.disabled]
+    for log in heard:
+        log.disabled = True
     try:
         yield
     finally:
-        log.disabled = before
+        for log in heard:
+            log.disabled = False
 
 
 def _first(ended: Queue[Any], client: Any, scheduler: str) -> Any:

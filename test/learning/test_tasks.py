@@ -162,10 +162,13 @@ def test_a_scheduler_that_is_killed_is_one_sentence(tmp_path: Path) -> None:
     said = tmp_path / 'address'
     words = [sys.executable, '-m', 'dask', 'scheduler', '--host', '127.0.0.1', '--port', '0', '--no-dashboard']
     program = (
-        'import os, sys\nfrom drawing import JOBS, drawn\nfrom tactile_nodes.errors import ConfigurationError\n'
+        'import logging, os, sys\nfrom drawing import JOBS, drawn\n'
+        'from tactile_nodes.errors import ConfigurationError\n'
         'from tactile_nodes.learning.tasks import done, on_cluster\n'
         'try:\n    with on_cluster(sys.argv[1]):\n'
-        '        for _ in done(drawn, JOBS * 50, 1): os.kill(int(sys.argv[2]), 9)\n'
+        '        for _ in done(drawn, JOBS * 50, 1):\n'
+        '            os.kill(int(sys.argv[2]), 9)\n'
+        '            logging.getLogger("distributed.batched").error("closed")  # as Dask does if it was just sending\n'
         'except (ConfigurationError, ProcessLookupError) as error: print(error)\n'
     )
     with started([*words, '--scheduler-file', str(said)]) as scheduler:
