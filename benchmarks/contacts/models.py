@@ -46,7 +46,7 @@ def calibrated(
         fitted = made.readout
     else:
         scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
-        fitted = replace(described(sensor, scaling, progress).readout, refinement=refinement_of(source, sensor))
+        fitted = described(sensor, scaling, progress, refinement_of(source, sensor)).readout
     card['gel'] = {'id': gel.gel_id}
     save_model(file, replace(source.model, readout=fitted, model_id='unsaved'), card)
     return file

@@ -127,7 +127,7 @@ def test_a_grasp_is_followed_from_the_first_touch_to_its_release(grasp: Grasp) -
 
 def test_two_fingers_feel_the_same_squeeze(grasp: Grasp) -> None:
     """Nobody measured it, but what one presses the other bears: they rise and fall together, and differ by no more than
-    their intervals say. On other grasps of the same source they differ by a factor of 1.7 in the median (the next
+    their intervals say. On other grasps of the same source they differ by a factor of 1.75 in the median (the next
     test); which of the two is wrong no picture tells."""
     compared = grasp.compared()
     assert compared.held >= 8
@@ -136,6 +136,7 @@ def test_two_fingers_feel_the_same_squeeze(grasp: Grasp) -> None:
     assert compared.within >= 0.9
 
 
+@pytest.mark.timeout(0)
 @pytest.mark.skipif(not OTHERS, reason='TACTILE_GRASPS: a folder with folders of camera_0.avi and camera_2.avi')
 def test_other_grasps_of_the_same_source(tmp_path: Path) -> None:
     """Prints each; a grasp of which the first pictures show a touch tells nothing."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -108,7 +107,10 @@ def transfer_alone(
     scaling, _, rows = pressed_gel((source.tips or source).scaling, dataset)
     fold = folds_of(dataset.presses[rows][:, [0, 1, 3]].astype(float))
     sensor = pressed.known_sensor(loaded)
-    fit = fit_field(sensor, at_rest(scaling), dataset, rows, fold, bodies, progress, curve=curve)
+    fit = fit_field(
+        sensor, at_rest(scaling), dataset, rows, fold, bodies, progress, curve=curve,
+        refinement=refinement_of(loaded, sensor),
+    )  # fmt: skip
     assert fit.by is not None
     require_unit(fit.gain, forced=forced)
     offset_n, spread_n = fit.offset_n
@@ -124,10 +126,9 @@ def transfer_alone(
         if source.tips
         else 'the model has no readout for tips'
     )
-    readout = replace(fit.readout, refinement=refinement_of(loaded, sensor))
     text = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
     text += in_words(fit.looks) + fit.told_sides + fit.deep
     return Transfer(
-        readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
+        fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
         fit.curve, fit.gives_px,
     )  # fmt: skip

@@ -193,13 +193,16 @@ def with_field(
         return calibration
     pressed = pressed or Pressed()
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
-    fit = fitted_field(sensor, calibration.readout, dataset, bodies, progress or Progress(), curve=curve)
+    refinement = refinement_of(loaded, sensor)
+    fit = fitted_field(
+        sensor, calibration.readout, dataset, bodies, progress or Progress(), curve=curve, refinement=refinement
+    )
     require_worth(fit.objection, ADVICE, forced=forced)
     if fit.sides is not None:
         calibration = transfer(source_readout(loaded), dataset, progress, forced=forced, sides=fit.sides)
     assert isinstance(calibration.readout, AxisymmetricReadout)
     text = f'{fit.reason}; alone it reads held-out presses {describe_errors(fit.errors)} off (medians)'
-    readout = replace(fit.readout, tips=calibration.readout, refinement=refinement_of(loaded, sensor))
+    readout = replace(fit.readout, tips=calibration.readout)
     return replace(
         calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection,
         gives_px=calibration.gives_px or fit.gives_px,
@@ -214,11 +217,12 @@ def fitted_field(
     progress: Progress,
     *,
     curve: bool = False,
+    refinement: Refinement | None = None,
 ) -> FieldFit:
-    """The fit to one image of each press."""
+    """The fit to one image of each press; `refinement` is as in `fit_field`."""
     other = OtherGel.of(tips, dataset)
     scaling, fold = uncovered(sensor, other.live_scaling), folds_of(other.presses.contacts)
-    return fit_field(sensor, scaling, dataset, other.rows, fold, bodies, progress, curve=curve)
+    return fit_field(sensor, scaling, dataset, other.rows, fold, bodies, progress, curve=curve, refinement=refinement)
 
 
 def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path, progress: Progress) -> str:
@@ -240,7 +244,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         usual = float(np.median(readout.scaling.gain[readout.scaling.trusted > 0]))
         scaling = scaling_of(sensor, 1 / DOTS_NOISE_PX if dots else usual)
         layout = replace(model.layout, rows=scaling.trusted.shape[0], cols=scaling.trusted.shape[1])
-    field_readout = replace(described(sensor, scaling, progress).readout, refinement=refinement_of(loaded, sensor))
+    field_readout = described(sensor, scaling, progress, refinement_of(loaded, sensor)).readout
     covered = np.flatnonzero(regions_of(sensor, scaling).covered).tolist()
     card = {
         **measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),

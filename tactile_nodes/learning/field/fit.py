@@ -36,6 +36,7 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.camera import STILL, camera_terms
 from tactile_nodes.sensing.explain.field.readout import LEAST_REGIONS, FieldReadout
+from tactile_nodes.sensing.explain.field.refinement import Refinement
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float, Int
@@ -182,24 +183,34 @@ def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
     return replace(scaling, trusted=trusted)
 
 
-def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None = None) -> FieldFit:
+def described(
+    sensor: Sensor, scaling: InputScaling, progress: Progress | None = None, refinement: Refinement | None = None
+) -> FieldFit:
     """The readout from a description alone; `scaling` says which regions are known, and their features at rest.
 
-    The relative error of all its forces is that of the moduli, which an image does not show.
+    `refinement` is as in `fit_field`.
     """
     regions = regions_of(sensor, scaling)
-    spread = spread_of('', 0, regions)
-    spread = replace(spread, response=math.hypot(spread.response, sensor.gel.moduli_off)).placed(UNPLACED_MM)
     with (progress or Progress()).bar('response of the regions', 1) as bar:
         # Slopes count nothing until presses say otherwise.
         terms = regions.terms_of_patches(known_of(scaling), slopes=False)
         response = response_of(terms, nominal(regions, scaling)[:, ::3])
         bar.advance()
     readout = FieldReadout(
-        scaling, response, regions.bins, noise_px(scaling), UNFITTED, spread, ROOM,
+        scaling, response, regions.bins, noise_px(scaling), UNFITTED, misfit_limit=ROOM,
         surface=regions.surface_under_shear, passes=passes_of(regions),
     )  # fmt: skip
-    return FieldFit(readout, 'description')
+    return FieldFit(refined(readout, sensor, refinement), 'description')
+
+
+def refined(readout: FieldReadout, sensor: Sensor, refinement: Refinement | None) -> FieldReadout:
+    """The readout from a description alone with this refinement.
+
+    The relative error of all its forces is also that of the moduli, which an image does not show.
+    """
+    spread = spread_of('', 0, regions_of(sensor, readout.scaling), refinement)
+    spread = replace(spread, response=math.hypot(spread.response, sensor.gel.moduli_off)).placed(UNPLACED_MM)
+    return replace(readout, spread=spread, refinement=refinement)
 
 
 def fit_field(
@@ -212,6 +223,7 @@ def fit_field(
     progress: Progress | None = None,
     *,
     curve: bool = False,
+    refinement: Refinement | None = None,
 ) -> FieldFit:
     """The readout fitted to presses of known bodies, in the form that they support.
 
@@ -224,6 +236,7 @@ def fit_field(
         bodies: the body that pressed in each sample of the data set.
         progress: shows the progress.
         curve: whether to report errors with fewer presses.
+        refinement: what the readout refines its forces with.
 
     Raises:
         DatasetError: none of these presses has a force that is known.
@@ -234,7 +247,15 @@ def fit_field(
     def fitted(sides: str) -> FieldFit:
         gel = replace(sensor.gel, sides=sides)
         return _fit_described(
-            replace(sensor, gel=gel), scaling, dataset, rows, fold, bodies, progress or Progress(), curve=curve
+            replace(sensor, gel=gel),
+            scaling,
+            dataset,
+            rows,
+            fold,
+            bodies,
+            progress or Progress(),
+            refinement,
+            curve=curve,
         )
 
     fit = fitted(sensor.gel.sides)
@@ -255,6 +276,7 @@ def _fit_described(
     fold: Int[np.ndarray, ' rows'],
     bodies: Bodies,
     progress: Progress,
+    refinement: Refinement | None,
     *,
     curve: bool,
 ) -> FieldFit:
@@ -268,7 +290,7 @@ def _fit_described(
         regions, presses, gives_px = _seen(regions, pressures, scaling, dataset, rows, fold, bar.advance)
         start = nominal(regions, scaling)
         terms = regions.terms_of_patches(known_of(scaling))
-        judge = Judge(terms, scaling, regions, dataset, bodies.is_a_ball, start, presses.softening)
+        judge = Judge(terms, scaling, regions, dataset, bodies.is_a_ball, start, presses.softening, refinement)
         found = Chosen.of(judge, presses, fold)
         bar.advance(1, found.form)
         held = judge.read(found.form, presses, fold, found.held)

@@ -1,7 +1,8 @@
 """Judge fits of the response by presses that they did not see.
 
 Motion determines the depths of each region's markers, and the softness of the gel as far as the layer explains motion.
-Where it does not, as it may between printed dots, the gain follows from the estimated forces.
+Where it does not, as it may between printed dots, and if a refinement corrects the total, the gain follows from the
+estimated forces.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import WORTH
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.refinement import Refinement
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -38,6 +40,9 @@ NEAR_THE_SURFACE, OF_DOTS = 0.12, 0.2
 """The same for markers near the surface, and for printed dots. With these 90 % intervals hold 18 of 20 totals on
 `9dtact_like` (with 0.1 only 16), and all on the others (`tactile bench sensors --seed 101`, with `gel.moduli_off` set
 to zero)."""
+
+REFINED = 0.6
+"""Share of these errors that a refinement leaves, which also corrects the total."""
 
 PASSES = 3
 """Passes in which a field is solved for markers near the surface."""
@@ -76,13 +81,14 @@ class Held:
     def of(
         cls, readouts: Sequence[FieldReadout], dataset: Dataset, presses: BodyPresses, fold: Int[np.ndarray, ' n']
     ) -> Held:
-        """Estimates of some presses by the field of each readout, without its readout of tips."""
+        """Estimates of some presses by the refined field of each readout, without its readout of tips."""
         judges = np.arange(len(presses))[:: max(1, len(presses) // JUDGES)]
         misfits, off = [], []
         for number in judges.tolist():
             row, readout = int(presses.rows[number]), readouts[number]
             values, confidence = dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]]
-            found = readout.solver.field(*readout.weighed(values, confidence)[1:])
+            noise_px, motion, weights = readout.weighed(values, confidence)
+            found = readout.refined(readout.solver.field(motion, weights), motion, noise_px)
             misfits.append(found.misfit)
             off.append(_off(found, readout, presses.centre_mm[number], presses.force_n[number]))
         return cls(np.array(misfits), np.array(off), presses.force_n[judges], presses.softened[judges], fold[judges])
@@ -147,7 +153,7 @@ class Held:
 class Judge:
     """Estimates presses with fits of the response to other presses.
 
-    `start` is each term's share by the description, `softening` as in `BodyPresses`.
+    `start` is each term's share by the description, `softening` as in `BodyPresses`, `refinement` as in `FieldReadout`.
     """
 
     terms: Float32[np.ndarray, 'regions 2 terms unknowns']
@@ -157,6 +163,12 @@ class Judge:
     by_ball: bool
     start: Float[np.ndarray, 'regions terms']
     softening: float = 0.0
+    refinement: Refinement | None = None
+
+    @property
+    def learnt_totals(self) -> bool:
+        """Whether forces determine the gel's softness, because a refinement knows where the layer is not linear."""
+        return self.refinement is not None and not self.refinement.keeps_total
 
     def readout(
         self, form: str, shares: Float[np.ndarray, 'regions terms'], presses: int, limit: float = ROOM
@@ -167,12 +179,12 @@ class Judge:
         softer = np.float32(shares[:, ::3].sum(axis=1).mean())
         return FieldReadout(
             self.scaling, response, self.regions.bins, noise, doubt, spread, limit, surface=softer * self._surface,
-            passes=passes_of(self.regions),
+            passes=passes_of(self.regions), refinement=self.refinement,
         )  # fmt: skip
 
     def _spread(self, form: str, presses: int) -> FieldSpread:
         """The uncertainty of a fit, with the difference between very light contacts and usual ones."""
-        spread = spread_of(form, presses, self.regions, by_ball=self.by_ball)
+        spread = spread_of(form, presses, self.regions, self.refinement, by_ball=self.by_ball)
         return replace(spread, response=math.hypot(spread.response, self.softening))
 
     def described(self, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> Held:
@@ -233,7 +245,7 @@ class Chosen:
         if misfits.get('regions', math.inf) * WORTH < misfits['gain']:
             read['regions'] = judge.read('regions', presses, fold, fits['regions'].held)
         for form in set(read) - {'description'}:
-            if misfits[form] > EXPLAINED:
+            if misfits[form] > EXPLAINED or judge.learnt_totals:
                 fits[form], read[form] = fits[form].times(read[form]), read[form].over(read[form].gains)
         form = 'gain' if read['gain'].cost * NEARLY_AS_GOOD < read['description'].cost else 'description'
         if 'regions' in read:
@@ -295,10 +307,13 @@ def _off(
     return x, y, total - float(force_n)
 
 
-def spread_of(form: str, presses: int, regions: Regions, *, by_ball: bool = True) -> FieldSpread:
+def spread_of(
+    form: str, presses: int, regions: Regions, refinement: Refinement | None = None, *, by_ball: bool = True
+) -> FieldSpread:
     """The relative error of forces where no press measured the regions' response."""
     if regions.near:
-        return FieldSpread(response=OF_DOTS if regions.dotted else NEAR_THE_SURFACE)
+        off = OF_DOTS if regions.dotted else NEAR_THE_SURFACE
+        return FieldSpread(response=off if refinement is None or refinement.keeps_total else REFINED * off)
     measured = by_ball and form == 'regions' and presses > FEW
     return FieldSpread(response=UNPRESSED * (math.sqrt(FEW / presses) if measured else 1.0))
 

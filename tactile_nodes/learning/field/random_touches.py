@@ -47,7 +47,10 @@ RECIPE = 3
 
 @dataclass(frozen=True)
 class Scene:
-    """A gel that is touched, and how its pictures are measured; `size_px` is what is cut from their middle."""
+    """A gel that is touched, and how its pictures are measured; `size_px` is what is cut from their middle.
+
+    On a `small` gel, every second body has one part, and bodies touch up to the rim.
+    """
 
     gel: Gel
     bins: BinGrid
@@ -55,6 +58,7 @@ class Scene:
     flow: Choice
     encoding: Choice
     seed: int = 1
+    small: bool = False
 
     def measuring(self, optics: Optics) -> Callable[[np.ndarray], Features]:
         """Measures camera images against an average of images at rest."""
@@ -115,11 +119,11 @@ def _render(job: _Touched) -> Arrays:
     patches = BinGrid(PER_BIN * bins.rows, PER_BIN * bins.cols, bins.width_mm, bins.height_mm)
     features, confidence, forces = [], [], []
     with suppress(ConfigurationError):
-        table = _solved(gel, random)
+        table = _solved(gel, random, single=scene.small and job.number % 2 == 1)
         optics = Optics(gel, contact_table(gel), bodies={NAME: table})
         measured = scene.measuring(optics)
         seeds = noise_seeds(scene.seed, NOISE_BLOCK + job.number)
-        for touch, seed in zip(_placed(gel, table, random), seeds, strict=False):
+        for touch, seed in zip(_placed(gel, table, random, 0.0 if scene.small else RIM_MM), seeds, strict=False):
             seen = measured(optics.render((touch,), seed))
             place_mm, force = node_forces(table, touch, 1 - HIDDEN)
             on_patches = over_bins(place_mm, force * gel.shear_modulus_mpa, table.node_size_mm, patches)
@@ -129,17 +133,17 @@ def _render(job: _Touched) -> Arrays:
     return {'features': np.array(features), 'confidence': np.array(confidence), 'forces': np.array(forces)}
 
 
-def _solved(gel: Gel, random: np.random.Generator) -> TouchTable:
+def _solved(gel: Gel, random: np.random.Generator, *, single: bool) -> TouchTable:
     """A random body, pressed and mostly dragged."""
-    body = random_body(random)
+    body = random_body(random, single=single)
     force_n = LIGHTEST_N + (HARDEST_N - LIGHTEST_N) * float(random.uniform()) ** 1.2
     return first_solved(gel, body, random_ways(random, gel, force_n, LIGHTEST_N))
 
 
-def _placed(gel: Gel, table: TouchTable, random: np.random.Generator) -> Iterator[Touch]:
+def _placed(gel: Gel, table: TouchTable, random: np.random.Generator, rim_mm: float) -> Iterator[Touch]:
     """The body anywhere on the gel, half of the time at the last stage of its path."""
     extent_mm, last = float(np.hypot(*table.node_mm.T).max(initial=0.0)), table.stages - 1
-    reach_mm = np.maximum(np.array(gel.sides_mm) / 2 - RIM_MM - extent_mm, 0.0)
+    reach_mm = np.maximum(np.array(gel.sides_mm) / 2 - rim_mm - extent_mm, 0.0)
     for _ in range(PLACES):
         x_mm, y_mm = (random.uniform(-1, 1, 2) * reach_mm).tolist()
         stage = last if random.uniform() < 0.5 else random.uniform(0.6, last)

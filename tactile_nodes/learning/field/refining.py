@@ -14,15 +14,16 @@ from tactile_nodes.learning.config import Choice, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import first_presses, planned
 from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.learning.field.calibration import fitted_field, sensor_of
+from tactile_nodes.learning.field.fit import refined, regions_of
 from tactile_nodes.learning.field.random_touches import Scene, Touches, random_touches
-from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of
+from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of, totals_off
 from tactile_nodes.learning.network.layers import import_torch
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import done
 from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES, INPUTS
+from tactile_nodes.sensing.explain.field.refinement import FORCE_TIMES, INPUTS, Refinement
 from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
@@ -58,7 +59,8 @@ def with_refinement(
     ]
     touches = random_touches(scenes, config.field.touches, config.data.processes, progress)
     solving = _calibrations(gels, load_sensor(config.field.sensor), readout.tips, progress)
-    return _learnt(readout, touches, solving, config.training.seed, progress)
+    refinement, report = _learnt(touches, solving, config.training.seed, progress, keeps_total=True)
+    return replace(readout, refinement=refinement), report
 
 
 def require_touches(touches: int, sensor: Sensor) -> None:
@@ -82,23 +84,27 @@ def refine_described(file: Path, touches: int, processes: int, progress: Progres
     loaded = load_model(file)
     readout, sensor = loaded.model.readout, sensor_of(loaded.card, loaded.model_id)
     assert isinstance(readout, FieldReadout)
-    scene = Scene(gel_of(sensor), loaded.model.bins, loaded.image_size, Choice(*loaded.flow), Choice(*loaded.encoding))
+    flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
+    scene = Scene(gel_of(sensor), loaded.model.bins, loaded.image_size, flow, encoding, small=True)
     made = random_touches([scene], touches, processes, progress)
-    refined, report = _learnt(readout, made, [[readout]], SEED, progress)
+    near = regions_of(sensor, readout.scaling).near
+    learnt, report = _learnt(made, [[readout]], SEED, progress, keeps_total=not near)
     card = {**loaded.card, 'training': {'refinement': report}}
-    return save_model(file, replace(loaded.model, readout=refined, model_id='unsaved'), card)
+    model = replace(loaded.model, readout=refined(readout, sensor, learnt), model_id='unsaved')
+    return save_model(file, model, card)
 
 
 def _learnt(
-    readout: FieldReadout,
     touches: Sequence[Touches],
     solving: Sequence[Sequence[FieldReadout]],
     seed: int,
     progress: Progress,
-) -> tuple[FieldReadout, dict[str, Any]]:
-    """The readout with a refinement, if that misplaces clearly less force of held-out bodies; and what was found.
+    *,
+    keeps_total: bool,
+) -> tuple[Refinement | None, dict[str, Any]]:
+    """The refinement, if it misplaces clearly less force of held-out bodies; and what was found.
 
-    The touches of each scene are solved by readouts of their own.
+    The touches of each scene are solved by readouts of their own. `keeps_total` is as in `Refinement`.
 
     Raises:
         ConfigurationError: too few bodies can be pressed into the gel.
@@ -108,31 +114,35 @@ def _learnt(
     if not all(any(len(each.inputs) for each in part) for part in (held_out, learnt_from)):
         raise ConfigurationError('none of the bodies can be pressed into this gel, or read from it; take more touches')
     judged = Samples.joined(held_out)
-    refinement = fit_refinement(Samples.joined(learnt_from), seed, progress)
-    refined = np.stack([shares_of(refinement, each) for each in judged.inputs])
-    before, after = (misplaced(each, judged.true) for each in (judged.solved, refined))
+    refinement = fit_refinement(Samples.joined(learnt_from), seed, progress, keeps_total=keeps_total)
+    moved = np.stack([shares_of(refinement, each) for each in judged.inputs])
+    before, after = (misplaced(each, judged.true) for each in (judged.solved, moved))
+    off, off_after = (totals_off(each, judged) for each in (judged.solved, moved))
     taken = after < WORTH * before
     progress.say(
-        f'held-out bodies: {100 * before:.1f} % of the force is misplaced, {100 * after:.1f} % after refinement; '
-        f'it is {"taken" if taken else "not taken"}'
+        f'held-out bodies: {100 * before:.1f} % of the force is misplaced, {100 * after:.1f} % after refinement; the '
+        f'total is {100 * off:.1f} and {100 * off_after:.1f} % off (medians); it is {"taken" if taken else "not taken"}'
     )
-    report = {'bodies': len(touches), 'misplaced': before, 'misplaced_refined': after}
-    return (replace(readout, refinement=refinement) if taken else readout), report
+    report = {
+        'bodies': len(touches), 'misplaced': before, 'misplaced_refined': after, 'off': off, 'off_refined': off_after
+    }  # fmt: skip
+    return (refinement if taken else None), report
 
 
 def _solved(readout: FieldReadout, touches: Touches) -> Samples:
     """The touches as a calibrated readout solves them."""
-    found: list[tuple[np.ndarray, np.ndarray, float]] = []
+    found: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]] = []
     for values, confidence, forces_n in zip(touches.features, touches.confidence, touches.forces_n, strict=True):
         total_n = float(forces_n[0].sum())
         solved = readout.solved(values, confidence)
         if solved is None or total_n <= 0 or solved[0].total_n < LEAST_TOLD * total_n:
             continue
-        found.append((solved[1], forces_n / total_n, total_n))
+        found.append((solved[1], forces_n / total_n, (total_n, solved[0].total_n)))
     shape = touches.forces_n.shape[2:]
     inputs = np.array([each for each, _, _ in found], np.float32).reshape(-1, INPUTS, *shape)
     true = np.array([each for _, each, _ in found], np.float32).reshape(-1, 3, *shape)
-    return Samples(inputs, inputs[:, :3] / FORCE_TIMES, true, np.array([each for _, _, each in found], np.float32))
+    totals = np.array([totals for *_, totals in found], np.float32).reshape(-1, 2)
+    return Samples(inputs, inputs[:, :3] / FORCE_TIMES, true, totals[:, 0], totals[:, 1])
 
 
 @dataclass(frozen=True)

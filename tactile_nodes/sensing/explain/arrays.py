@@ -17,7 +17,7 @@ from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.readout import STILL, FieldReadout
-from tactile_nodes.sensing.explain.field.refinement import INPUTS, Refinement
+from tactile_nodes.sensing.explain.field.refinement import INPUTS, KEPT, Refinement
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
@@ -38,6 +38,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 Arrays = dict[str, np.ndarray]
 NOVELTY_CHECK, TIPS, REFINEMENT = 'witness.', 'tips.', 'refinement.'
+LIMITS = 'total_limits'
 LAYER = 'kernel', 'bias'
 FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
@@ -239,18 +240,19 @@ def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
         'field': readout.response.astype(np.float16),
         'surface': readout.surface,
     }
-    tips: dict[str, Any] = {}
+    parts: dict[str, Any] = {}
     if readout.tips is not None:
         inner, entries = _axisymmetric_arrays(readout.tips)
         arrays |= {TIPS + name: each for name, each in inner.items()}
-        tips = {'tips': entries}
+        parts['tips'] = entries
     if readout.refinement is not None:
+        parts[LIMITS] = list(readout.refinement.limits)
         layers = zip(readout.refinement.kernels, readout.refinement.biases, strict=True)
         for number, (kernel, bias) in enumerate(layers):
             arrays |= {f'{REFINEMENT}{number}.kernel': kernel, f'{REFINEMENT}{number}.bias': bias}
     numbers = {name: getattr(readout, name) for name in (*FIELD_NUMBERS, 'passes')}
     spread = {'spread': {'response': readout.spread.response, 'place_mm': readout.spread.place[1]}}
-    return arrays, {**_entries(readout.kind, readout.scaling, None), **numbers, **spread, **tips}
+    return arrays, {**_entries(readout.kind, readout.scaling, None), **numbers, **spread, **parts}
 
 
 def _field(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: BinGrid) -> FieldReadout:
@@ -263,11 +265,11 @@ def _field(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: B
     spread = FieldSpread(response=float(known['response'])).placed(float(known['place_mm']))
     return FieldReadout(
         _scaling(arrays, entries), response, bins, spread=spread, tips=tips, surface=surface,
-        passes=int(entries.get('passes', 1)), refinement=_refinement(arrays), **numbers,
+        passes=int(entries.get('passes', 1)), refinement=_refinement(arrays, entries), **numbers,
     )  # fmt: skip
 
 
-def _refinement(arrays: Mapping[str, np.ndarray]) -> Refinement | None:
+def _refinement(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any]) -> Refinement | None:
     """The refinement of a field; None if it has none, as older models."""
     count = sum(name.startswith(REFINEMENT) for name in arrays) // 2
     if not count:
@@ -278,7 +280,10 @@ def _refinement(arrays: Mapping[str, np.ndarray]) -> Refinement | None:
     fits = all(each.shape[1:] == (inputs[k], 3, 3) for k, each in enumerate(kernels))
     if not fits or inputs[-1] != 3 or any(each.shape != (len(kernels[k]),) for k, each in enumerate(biases)):
         raise ValueError('the layers of the refinement do not fit each other')
-    return Refinement(kernels, biases)
+    least, most = map(float, entries.get(LIMITS, KEPT))
+    if not 0 < least <= most < math.inf:
+        raise ValueError(f'{LIMITS} of the refinement must be positive and in order, not {least:g} and {most:g}')
+    return Refinement(kernels, biases, (least, most))
 
 
 def _require_within(entries: Mapping[str, Any]) -> None:

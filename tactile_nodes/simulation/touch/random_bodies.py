@@ -56,10 +56,10 @@ def _ring(random: np.random.Generator, x: Heights, y: Heights) -> Heights:
 SHAPES: tuple[Shape, ...] = (_large_ball, _small_ball, _disc, _plate, _rod, _ring)
 
 
-def random_body(random: np.random.Generator) -> Body:
-    """A body of random shape."""
+def random_body(random: np.random.Generator, *, single: bool = False) -> Body:
+    """A body of random shape; of one part if `single`."""
     x, y = grid(HALF_MM)
-    count = int(random.choice(PARTS))
+    count = 1 if single else int(random.choice(PARTS))
     apart_mm = _between(random, *APART_MM) if count > 1 else 0.0
     form = random.spawn(1)[0]
     seed = int(form.integers(1 << 32)) if count > 1 and form.uniform() < ALIKE else None

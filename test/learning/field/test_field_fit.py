@@ -32,6 +32,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.refinement import INPUTS, Refinement
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
 
@@ -165,6 +166,19 @@ def test_places_are_stated_as_sure_as_held_out_presses_show_and_a_file_keeps_tha
     kept = readout_from(*readout_arrays(unsure), unsure.bins)
     assert isinstance(kept, FieldReadout)
     assert kept.spread.place_mm(0.0) == pytest.approx(held.place_mm)
+
+
+def test_presses_are_judged_by_refined_forces(scaling: InputScaling, terms: Terms):
+    """A network that changes nothing but the total, by a quarter."""
+    quarter = Refinement((np.zeros((3, INPUTS, 3, 3), np.float32),), (np.zeros(3, np.float32),), (1.25, 1.25))
+    dataset, rows = pressed(terms, nominal(), 30), np.arange(30)
+    fit = fit_field(SENSOR, scaling, dataset, rows, rows % 5, BALL, refinement=quarter)
+    assert fit.by is not None and fit.readout.refinement is quarter
+    solved, refined = (
+        Held.of([dataclasses.replace(fit.readout, refinement=each)] * 30, dataset, fit.by, rows % 5)
+        for each in (None, quarter)
+    )
+    assert refined.gain == pytest.approx(1.25 * solved.gain)
 
 
 @pytest.mark.parametrize('less', [0.0, 0.15])

@@ -12,7 +12,7 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.contact_tables.touch_tables import ready_contacts
 from tactile_nodes.learning.field import random_touches
 from tactile_nodes.learning.field.calibration import described_model, refinement_of
-from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of
+from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of, totals_off
 from tactile_nodes.learning.field.refining import refine_described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
@@ -21,6 +21,7 @@ from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.refinement import (
     FORCE_TIMES,
     INPUTS,
+    KEPT,
     SOLVED,
     Refinement,
     _kept,
@@ -46,7 +47,8 @@ def shipped() -> LoadedModel:
 
 
 def smeared_samples(count: int) -> Samples:
-    """Squares of force that a solver would have spread by one patch to all sides; they pull to the right."""
+    """Squares of force that a solver would have spread by one patch to all sides; they pull to the right. It would have
+    told 0.8 of the total."""
     random, true = np.random.default_rng(5), np.zeros((count, 3, *SHAPE), np.float32)
     for each in true:
         row, col = random.integers(3, 13, 2)
@@ -58,7 +60,7 @@ def smeared_samples(count: int) -> Samples:
             solved += np.roll(true, (down, right), (2, 3)) / 9
     inputs = np.zeros((count, INPUTS, *SHAPE), np.float32)
     inputs[:, :3], inputs[:, SOLVED] = FORCE_TIMES * solved, solved[:, 0] > 0
-    return Samples(inputs, solved, true, np.ones(count, np.float32))
+    return Samples(inputs, solved, true, np.ones(count, np.float32), np.full(count, 0.8, np.float32))
 
 
 @pytest.fixture(scope='module')
@@ -76,12 +78,24 @@ def test_it_undoes_the_smearing_that_it_has_seen_and_keeps_total_and_net_shear(l
     np.testing.assert_allclose(refined.sum(axis=(2, 3)), [[1.0, 0.2, 0.0]] * 30, atol=1e-6)
 
 
+def test_without_keeping_the_total_it_finds_what_the_solver_does_not_tell() -> None:
+    """The net shear stays."""
+    network = fit_refinement(smeared_samples(200), 1, Progress(), keeps_total=False)
+    samples = smeared_samples(230)
+    unseen = Samples(*(getattr(samples, name)[200:] for name in ('inputs', 'solved', 'true', 'total_n', 'solved_n')))
+    refined = np.stack([shares_of(network, each) for each in unseen.inputs])
+    assert totals_off(unseen.solved, unseen) == pytest.approx(0.2, abs=1e-6)
+    assert totals_off(refined, unseen) < 0.02
+    assert misplaced(refined, unseen.true) < misplaced(unseen.solved, unseen.true) / 2
+    np.testing.assert_allclose(refined[:, 1:].sum(axis=(2, 3)), [[0.2, 0.0]] * 30, atol=1e-6)
+
+
 def test_the_centre_stays_even_if_the_network_puts_all_force_on_one_patch() -> None:
     """A centre 0.1 patches to the right and 0.3 above: shares of 0.9 and 0.1, and 0.7 and 0.3."""
     before, changed = np.zeros((3, 5, 5)), np.zeros((3, 5, 5))
     before[0, 1:4, 1:4] = np.outer([0.4, 0.5, 0.1], [0.1, 0.7, 0.2])
     changed[0, 2, 2] = 1.0
-    kept = _kept(changed.reshape(3, -1), before.reshape(3, -1), 5)[0].reshape(5, 5)
+    kept = _kept(changed.reshape(3, -1), before.reshape(3, -1), 5, KEPT)[0].reshape(5, 5)
     np.testing.assert_allclose(kept[1:3, 2:4], [[0.27, 0.03], [0.63, 0.07]], atol=1e-12)
     assert kept.sum() == pytest.approx(1.0)
 
@@ -95,7 +109,8 @@ def test_forces_stay_within_a_patch_of_the_solved_ones(learnt: Refinement) -> No
     assert not (reached & ~allowed).any()
 
 
-def test_numpy_gives_the_field_of_the_torch_network() -> None:
+@pytest.mark.parametrize('keeps_total', [True, False])
+def test_numpy_gives_the_field_of_the_torch_network(keeps_total: bool) -> None:
     """NumPy computes on the box around a contact what torch computes on the whole surface."""
     import torch
 
@@ -108,11 +123,14 @@ def test_numpy_gives_the_field_of_the_torch_network() -> None:
     samples = smeared_samples(4)
     samples.inputs[:, 3:7] = np.random.default_rng(1).normal(size=(4, 4, *SHAPE))
     with torch.no_grad():
-        expected = _refined(layers, torch.from_numpy(samples.inputs), torch.from_numpy(samples.solved)).numpy()
+        inputs, solved = torch.from_numpy(samples.inputs), torch.from_numpy(samples.solved)
+        shares, total = _refined(layers, inputs, solved, keeps_total=keeps_total)
+        expected = (shares * total[:, None, None, None]).numpy()
         arrays = [[part.numpy() for part in layer.parameters()] for layer in layers]
-    network = Refinement(tuple(kernel for kernel, _ in arrays), tuple(bias for _, bias in arrays))
-    for inputs, wanted in zip(samples.inputs, expected, strict=True):
-        np.testing.assert_allclose(shares_of(network, inputs), wanted, atol=2e-6)
+    limits = KEPT if keeps_total else (0.1, 10.0)
+    network = Refinement(tuple(kernel for kernel, _ in arrays), tuple(bias for _, bias in arrays), limits)
+    for seen, wanted in zip(samples.inputs, expected, strict=True):
+        np.testing.assert_allclose(shares_of(network, seen), wanted, atol=2e-6)
 
 
 def test_regions_at_rest_give_finite_inputs() -> None:
@@ -152,6 +170,13 @@ def test_a_model_file_keeps_it_and_refuses_layers_that_do_not_fit(shipped: Loade
     again = readout_from(arrays, entries, readout.bins)
     assert isinstance(again, FieldReadout) and again.refinement is not None
     np.testing.assert_array_equal(again.refinement.kernels[1], readout.refinement.kernels[1])
+    assert again.refinement.keeps_total
+    of_dots = load_model(find_model('printed_dots')).model.readout
+    assert isinstance(of_dots, FieldReadout) and of_dots.refinement is not None
+    assert not of_dots.refinement.keeps_total
+    for limits in ([2.0, 1.0], [0.0, 1.0], [1.0, float('nan')]):
+        with pytest.raises(ValueError, match='total_limits of the refinement must be positive and in order'):
+            readout_from(arrays, {**entries, 'total_limits': limits}, readout.bins)
     arrays['refinement.1.kernel'] = arrays['refinement.1.kernel'][:, :5]
     with pytest.raises(ValueError, match='layers of the refinement do not fit'):
         readout_from(arrays, entries, readout.bins)

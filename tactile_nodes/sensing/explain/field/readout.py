@@ -195,9 +195,14 @@ class FieldReadout:
         least = max(self.least_gain, self.solver.unknowns(count))
         if found.gain < least:
             return self._untouched(unlike, self.solver.unseen_n(weights, least))
-        if self.refinement is not None and unlike <= 1:
-            found = self.refinement.refined(found, self._inputs(found, motion, noise_px))
+        found = self.refined(found, motion, noise_px)
         return self._reading(found, unlike, self.solver.reduced_n(weights, found.total_n))
+
+    def refined(self, found: Field, motion: Float[np.ndarray, 'regions 2'], noise_px: float) -> Field:
+        """A solved field with its forces redistributed, if it explains the frame's motion and there is a refinement."""
+        if self.refinement is None or found.misfit > self.misfit_limit:
+            return found
+        return self.refinement.refined(found, self._inputs(found, motion, noise_px))
 
     def solved(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']

@@ -2,9 +2,10 @@
 
 The solver smears forces: the regularization spreads them, the layer is not linear under large strain, and the flow
 averages over regions. The network has seen how, in simulated touches of random bodies (`learning.field.refining`). It
-keeps the total normal force and its centre, the net shear and the torsion, which the solver finds well. Its layers are
-3x3 convolutions with ReLU between them; the last one gives the change of normal force and shear on each patch. Outside
-the box around the solved patches everything is zero, so that the cost depends on the size of the contact.
+keeps the net shear and the torsion, which the solver finds well. It also keeps the total normal force and its centre,
+except for markers near the surface: there the solver tells too little force. Its layers are 3x3 convolutions with ReLU
+between them; the last one gives the change of normal force and shear on each patch. Outside the box around the solved
+patches everything is zero, so that the cost depends on the size of the contact.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ can hardly be tilted or turned."""
 
 _GROWN = np.ones((2 * GROWN + 1, 2 * GROWN + 1), np.uint8)
 
+KEPT = 1.0, 1.0
+"""Limits of the total that leave it as solved."""
+
 CHANGE = 0.5
 """Share of the total force that an output of 1 stands for."""
 
@@ -68,10 +72,19 @@ def inputs_of(
 
 @dataclass(frozen=True)
 class Refinement:
-    """The network: kernels of its layers, from the inputs to the changes of the three forces, and their biases."""
+    """The network: kernels of its layers, from the inputs to the changes of the three forces, and their biases.
+
+    `limits` are those of the total normal force, as multiples of the solved one. If both are 1, its centre stays, too.
+    """
 
     kernels: tuple[Float32[np.ndarray, '_out _in 3 3'], ...]
     biases: tuple[Float32[np.ndarray, ' _out'], ...]
+    limits: tuple[float, float] = KEPT
+
+    @property
+    def keeps_total(self) -> bool:
+        """Whether the total normal force and its centre stay as solved."""
+        return self.limits == KEPT
 
     @property
     def parameter_count(self) -> int:
@@ -93,7 +106,8 @@ class Refinement:
         if changed[0].max() <= 0:
             return found
         refined = np.zeros_like(forces)
-        refined[near] = _kept(changed.reshape(3, -1), before.reshape(3, -1), before.shape[2]).reshape(before.shape)
+        forces, solved = changed.reshape(3, -1), before.reshape(3, -1)
+        refined[near] = _kept(forces, solved, before.shape[2], self.limits).reshape(before.shape)
         return replace(found, forces_n=refined.reshape(3, -1))
 
     def _changes(self, inputs: Float32[np.ndarray, 'inputs h w']) -> Float32[np.ndarray, '3 h w']:
@@ -105,17 +119,43 @@ class Refinement:
         return values
 
 
-def _kept(changed: Float[np.ndarray, '3 n'], before: Float[np.ndarray, '3 n'], cols: int) -> Float[np.ndarray, '3 n']:
-    """Changed forces that do not pull, within the friction cone, with the sums and moments of those before.
+def _kept(
+    changed: Float[np.ndarray, '3 n'], before: Float[np.ndarray, '3 n'], cols: int, limits: tuple[float, float]
+) -> Float[np.ndarray, '3 n']:
+    """Changed forces that do not pull, within the friction cone, with the net shear and torsion of those before.
 
-    Normal forces are multiplied by a plane, and then shifted by what that lacks where few patches have force, so that
-    their centre is as before. Then shear in proportion to them is added, along and around the centre, as under a rigid
-    body that moves and turns. `n` patches lie in rows of `cols`.
+    `limits` are as in `Refinement`. Shear in proportion to the normal forces is added, along and around their centre,
+    as under a rigid body that moves and turns. `n` patches lie in rows of `cols`.
     """
     place = np.array(np.divmod(np.arange(changed.shape[1]), cols)[::-1], float)
-    total_n = float(before[0].sum())
-    centre = place @ before[0] / total_n
-    normal = np.maximum(changed[0], 0.0)
+    total_n, normal = float(before[0].sum()), np.maximum(changed[0], 0.0)
+    if limits == KEPT:
+        centre = place @ before[0] / total_n
+        normal = _centred(normal, total_n, centre, place, cols)
+    else:
+        told_n = float(normal.sum())
+        total_n *= min(max(told_n / total_n, limits[0]), limits[1])
+        normal *= total_n / told_n
+        centre = place @ normal / total_n
+    shear = changed[1:] * np.minimum(1.0, normal / np.maximum(np.hypot(changed[1], changed[2]), 1e-12))
+    across = np.stack([centre[1] - place[1], place[0] - centre[0]])
+    missing, turned_n = before[1:] - shear, across * normal
+    turned = float((across * missing).sum()) / max(total_n * LEAST_SPREAD, float((across * turned_n).sum()))
+    shear += np.outer(missing.sum(axis=1) / total_n, normal) + turned * turned_n
+    return np.concatenate([normal[None], shear])
+
+
+def _centred(
+    normal: Float[np.ndarray, ' n'],
+    total_n: float,
+    centre: Float[np.ndarray, ' 2'],
+    place: Float[np.ndarray, '2 n'],
+    cols: int,
+) -> Float[np.ndarray, ' n']:
+    """Normal forces with this total and this centre.
+
+    They are multiplied by a plane, and then shifted by what that lacks where few patches have force.
+    """
     normal *= total_n / float(normal.sum())
     middle = place @ normal / total_n
     away = place - middle[:, None]
@@ -126,13 +166,8 @@ def _kept(changed: Float[np.ndarray, '3 n'], before: Float[np.ndarray, '3 n'], c
     normal *= np.maximum(1.0 + plane @ away, 0.0)
     by = centre - place @ normal / float(normal.sum())
     moved = cv2.filter2D(normal.reshape(-1, cols), -1, _shifting(by), borderType=cv2.BORDER_CONSTANT).ravel()
-    normal = moved * (total_n / float(moved.sum()))
-    shear = changed[1:] * np.minimum(1.0, normal / np.maximum(np.hypot(changed[1], changed[2]), 1e-12))
-    across = np.stack([centre[1] - place[1], place[0] - centre[0]])
-    missing, turned_n = before[1:] - shear, across * normal
-    turned = float((across * missing).sum()) / max(total_n * LEAST_SPREAD, float((across * turned_n).sum()))
-    shear += np.outer(missing.sum(axis=1) / total_n, normal) + turned * turned_n
-    return np.concatenate([normal[None], shear])
+    centred: np.ndarray = moved * (total_n / float(moved.sum()))
+    return centred
 
 
 def _shifting(by: Float[np.ndarray, ' 2']) -> Float[np.ndarray, '3 3']:
