@@ -200,13 +200,13 @@ def described(
         scaling, response, regions.bins, noise_px(scaling), UNFITTED, misfit_limit=ROOM,
         surface=regions.surface_under_shear, passes=passes_of(regions),
     )  # fmt: skip
-    return FieldFit(refined(readout, sensor, refinement), 'description')
+    return FieldFit(as_described(readout, sensor, refinement), 'description')
 
 
-def refined(readout: FieldReadout, sensor: Sensor, refinement: Refinement | None) -> FieldReadout:
-    """The readout from a description alone with this refinement.
+def as_described(readout: FieldReadout, sensor: Sensor, refinement: Refinement | None) -> FieldReadout:
+    """A readout that follows from a description alone, with this refinement, and with the uncertainty of its forces.
 
-    The relative error of all its forces is also that of the moduli, which an image does not show.
+    Their relative error is also that of the moduli, which an image does not show.
     """
     spread = spread_of('', 0, regions_of(sensor, readout.scaling), refinement)
     spread = replace(spread, response=math.hypot(spread.response, sensor.gel.moduli_off)).placed(UNPLACED_MM)
@@ -247,16 +247,9 @@ def fit_field(
     def fitted(sides: str) -> FieldFit:
         gel = replace(sensor.gel, sides=sides)
         return _fit_described(
-            replace(sensor, gel=gel),
-            scaling,
-            dataset,
-            rows,
-            fold,
-            bodies,
-            progress or Progress(),
-            refinement,
+            replace(sensor, gel=gel), scaling, dataset, rows, fold, bodies, progress or Progress(), refinement,
             curve=curve,
-        )
+        )  # fmt: skip
 
     fit = fitted(sensor.gel.sides)
     if sensor.gel.sides != 'ignored' or not sensor.gel.may_have_sides or fit.misfit < UNEXPLAINED or fit.objection:

@@ -14,7 +14,7 @@ from tactile_nodes.learning.config import Choice, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import first_presses, planned
 from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.learning.field.calibration import fitted_field, sensor_of
-from tactile_nodes.learning.field.fit import refined, regions_of
+from tactile_nodes.learning.field.fit import as_described, regions_of
 from tactile_nodes.learning.field.random_touches import Scene, Touches, random_touches
 from tactile_nodes.learning.field.refinement_fit import Samples, fit_refinement, misplaced, shares_of, totals_off
 from tactile_nodes.learning.network.layers import import_torch
@@ -90,7 +90,7 @@ def refine_described(file: Path, touches: int, processes: int, progress: Progres
     near = regions_of(sensor, readout.scaling).near
     learnt, report = _learnt(made, [[readout]], SEED, progress, keeps_total=not near)
     card = {**loaded.card, 'training': {'refinement': report}}
-    model = replace(loaded.model, readout=refined(readout, sensor, learnt), model_id='unsaved')
+    model = replace(loaded.model, readout=as_described(readout, sensor, learnt), model_id='unsaved')
     return save_model(file, model, card)
 
 

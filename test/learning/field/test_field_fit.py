@@ -159,7 +159,7 @@ def test_places_are_stated_as_sure_as_held_out_presses_show_and_a_file_keeps_tha
     """Places that are off by 0.2 mm along each axis, and one press that was not detected."""
     off = np.random.default_rng(1).normal(0, 0.2, (200, 3))
     off[7] = np.nan
-    held = Held(np.ones(200), off, np.ones(200), np.ones(200), np.zeros(200, int))
+    held = Held(np.ones(200), off, np.ones(200), np.ones(200), np.zeros(200, int), np.zeros(200))
     assert held.place_mm == pytest.approx(0.2, rel=0.1)
     assert dataclasses.replace(held, off=np.full((200, 3), np.nan)).place_mm == 0
     unsure = dataclasses.replace(of_many.readout, spread=of_many.readout.spread.placed(held.place_mm))
@@ -179,6 +179,15 @@ def test_presses_are_judged_by_refined_forces(scaling: InputScaling, terms: Term
         for each in (None, quarter)
     )
     assert refined.gain == pytest.approx(1.25 * solved.gain)
+
+
+def test_presses_at_the_rim_of_the_view_do_not_tell_how_soft_the_gel_is():
+    """Four in the middle read 1.1 times their force, six at the rim 1.4 times; these count if there are no others."""
+    times, hidden = np.repeat([1.1, 1.4], [4, 6]), np.repeat([0.0, 0.5], [4, 6])
+    off = np.column_stack([np.zeros(10), np.zeros(10), times - 1])
+    held = Held(np.ones(10), off, np.ones(10), np.ones(10), np.zeros(10, int), hidden)
+    assert held.gain == pytest.approx(1.1)
+    assert dataclasses.replace(held, hidden=np.full(10, 0.5)).gain == pytest.approx(1.4)
 
 
 @pytest.mark.parametrize('less', [0.0, 0.15])

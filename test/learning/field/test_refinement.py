@@ -217,6 +217,14 @@ def test_an_older_model_that_does_not_name_its_sensor_has_none(shipped: LoadedMo
     assert refinement_of(replace(shipped, model=older, card={}), load_sensor('simulated')) is None
 
 
+def test_a_field_without_force_stays_as_it_is() -> None:
+    """As of a press that is too light to be solved: also if the network would press on all patches."""
+    pressing = Refinement((np.zeros((3, INPUTS, 3, 3), np.float32),), (np.ones(3, np.float32),))
+    inputs = np.zeros((INPUTS, *SHAPE), np.float32)
+    inputs[SOLVED, 5, 5] = 1
+    assert not shares_of(pressing, inputs).any()
+
+
 def test_a_wide_contact_stays_as_it_is(learnt: Refinement) -> None:
     """40 patches with equal force are twice what counts as wide."""
     inputs = np.zeros((INPUTS, *SHAPE), np.float32)

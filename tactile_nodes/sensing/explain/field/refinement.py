@@ -96,11 +96,13 @@ class Refinement:
         Contacts wider than the bodies that were learnt from stay as they are: more of the force of a flat square of
         20 mm would be misplaced, 14 to 20 % instead of 6 % (`tactile bench contacts`).
         """
+        if found.total_n < LEAST_N:
+            return found
         rows, cols = (_around(inputs[SOLVED].any(axis=axis)) for axis in (1, 0))
         near = np.s_[:, rows, cols]
         seen, forces = inputs[near], found.forces_n.reshape(3, *inputs.shape[1:])
         before = forces[near]
-        change = CHANGE * (1 - found.wide) * max(found.total_n, LEAST_N)
+        change = CHANGE * (1 - found.wide) * found.total_n
         changed = before + change * self._changes(seen)
         changed *= cv2.dilate(seen[SOLVED], _GROWN)
         if changed[0].max() <= 0:
