@@ -16,6 +16,8 @@ from benchmarks import runtimes
 from benchmarks.runtimes.ends import BEGIN
 from benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.cli.main import main
+from tactile_nodes.learning.onnx_files.export import onnx_bytes
+from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.features import Features
 
 INSTALLED = find_spec('onnx') is not None and find_spec('onnxruntime') is not None
@@ -54,6 +56,11 @@ def test_both_runtimes_take_turns_and_agree(written: Path) -> None:
         assert each['start_s'] > 0
     assert found['differences']['as they are']['samples'] == runtimes.QUICK.frames
     assert found['differences']['5 % lost']['bin_n'] < 1e-5
+
+
+def test_the_models_that_are_measured_without_names_can_be_exported() -> None:
+    for name in runtimes.EXPORTED:
+        assert onnx_bytes(load_model(find_model(name)))
 
 
 def test_the_page_has_a_row_for_each_runtime(written: Path) -> None:
