@@ -59,7 +59,7 @@ contacts --each 4 --no-disturbances`, 100 presses)."""
 
 IN_SIGHT = 0.15
 """Presses that are less visible (`FieldSolver.hidden`) do not determine the gel's softness: at the rim of the camera's
-view, a ball on `digit_like` reads 1.2 to 1.4 times its force."""
+view, as on `digit_like`, a ball reads too high."""
 
 NEARLY_AS_GOOD = 1.03
 """Errors within this factor count as equal, because the estimates of a few dozen presses scatter."""

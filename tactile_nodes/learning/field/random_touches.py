@@ -49,7 +49,7 @@ RECIPE = 3
 class Scene:
     """A gel that is touched, and how its pictures are measured; `size_px` is what is cut from their middle.
 
-    On a `small` gel, every second body has one part, and bodies touch up to the rim.
+    If `to_rim`, bodies touch up to the rim, and every second one has one part: larger ones reach it less often.
     """
 
     gel: Gel
@@ -58,7 +58,7 @@ class Scene:
     flow: Choice
     encoding: Choice
     seed: int = 1
-    small: bool = False
+    to_rim: bool = False
 
     def measuring(self, optics: Optics) -> Callable[[np.ndarray], Features]:
         """Measures camera images against an average of images at rest."""
@@ -119,11 +119,11 @@ def _render(job: _Touched) -> Arrays:
     patches = BinGrid(PER_BIN * bins.rows, PER_BIN * bins.cols, bins.width_mm, bins.height_mm)
     features, confidence, forces = [], [], []
     with suppress(ConfigurationError):
-        table = _solved(gel, random, single=scene.small and job.number % 2 == 1)
+        table = _solved(gel, random, single=scene.to_rim and job.number % 2 == 1)
         optics = Optics(gel, contact_table(gel), bodies={NAME: table})
         measured = scene.measuring(optics)
         seeds = noise_seeds(scene.seed, NOISE_BLOCK + job.number)
-        for touch, seed in zip(_placed(gel, table, random, 0.0 if scene.small else RIM_MM), seeds, strict=False):
+        for touch, seed in zip(_placed(gel, table, random, 0.0 if scene.to_rim else RIM_MM), seeds, strict=False):
             seen = measured(optics.render((touch,), seed))
             place_mm, force = node_forces(table, touch, 1 - HIDDEN)
             on_patches = over_bins(place_mm, force * gel.shear_modulus_mpa, table.node_size_mm, patches)

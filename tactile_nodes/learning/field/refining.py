@@ -85,7 +85,7 @@ def refine_described(file: Path, touches: int, processes: int, progress: Progres
     readout, sensor = loaded.model.readout, sensor_of(loaded.card, loaded.model_id)
     assert isinstance(readout, FieldReadout)
     flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
-    scene = Scene(gel_of(sensor), loaded.model.bins, loaded.image_size, flow, encoding, small=True)
+    scene = Scene(gel_of(sensor), loaded.model.bins, loaded.image_size, flow, encoding, to_rim=True)
     made = random_touches([scene], touches, processes, progress)
     near = regions_of(sensor, readout.scaling).near
     learnt, report = _learnt(made, [[readout]], SEED, progress, keeps_total=not near)

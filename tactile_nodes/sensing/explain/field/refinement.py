@@ -108,8 +108,8 @@ class Refinement:
         if changed[0].max() <= 0:
             return found
         refined = np.zeros_like(forces)
-        forces, solved = changed.reshape(3, -1), before.reshape(3, -1)
-        refined[near] = _kept(forces, solved, before.shape[2], self.limits).reshape(before.shape)
+        moved, solved = changed.reshape(3, -1), before.reshape(3, -1)
+        refined[near] = _kept(moved, solved, before.shape[2], self.limits).reshape(before.shape)
         return replace(found, forces_n=refined.reshape(3, -1))
 
     def _changes(self, inputs: Float32[np.ndarray, 'inputs h w']) -> Float32[np.ndarray, '3 h w']:
